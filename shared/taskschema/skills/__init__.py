@@ -1,7 +1,9 @@
-"""The skill library (paper, Table II): parameterised controllers, one arm each."""
+"""The skill library (paper, Table II): parameterised controllers, one arm each.
+
+`skills.registry` lists them; `skills.pairs` combines them for two arms.
+"""
 
 from taskschema.skills.argument import Argument
-from taskschema.skills.registry import SKILLS, get_skill
 from taskschema.skills.skill import Skill
 
-__all__ = ["SKILLS", "Argument", "Skill", "get_skill"]
+__all__ = ["Argument", "Skill"]

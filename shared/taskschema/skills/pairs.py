@@ -58,6 +58,7 @@ class PairSpace:
 
         Raises:
             UnknownNameError: if one of the skills is not allowed here.
+
         """
         names = [skill.name for skill in self.skills]
         for name in (left, right):
@@ -84,7 +85,7 @@ class PairSpace:
         )
 
     def to_si(self, raw: AnyArray) -> FloatArray:
-        """Map raw normalised samples [..., A] to the search spaces [m, rad]: angles wrap, the rest is clipped."""
+        """Map raw normalised samples [..., A] to SI units [m, rad]: angles wrap, the rest is clipped."""
         low, high, periodic = self._bounds
         values = np.asarray(raw, dtype=np.float64)
         wrapped = np.mod(values + 1.0, 2.0) - 1.0

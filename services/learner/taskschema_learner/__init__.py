@@ -1,0 +1,1 @@
+"""The central learner, its worker pool, the HTTP API and the `taskschema` command."""

@@ -1,0 +1,1 @@
+"""Rollout workers: scenes, simulation, gymnasium environments and the rollout loop."""

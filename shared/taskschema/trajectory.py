@@ -1,0 +1,179 @@
+"""Trajectories, and their bounded, typed encoding on the wire."""
+
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+
+from taskschema.arrays import AnyArray, Float32Array, IntArray
+from taskschema.errors import WireError
+
+MAX_MESSAGE_BYTES = 16 * 1024 * 1024
+"""No trajectory message is larger: 3 frames of 256 x 256 x 3 bytes and 4 episodes fit many times over."""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """One episode of L <= T steps and its sparse binary outcome."""
+
+    round: int
+    """Round, equal to the policy version that acted."""
+    slot: int
+    episode: int
+    """Episode within its slot."""
+    observations: AnyArray
+    """[L, D] float32 SI observations before each step."""
+    pairs: IntArray
+    """[L] skill pair of each step."""
+    arguments: Float32Array
+    """[L, A] raw Gaussian samples; 0 where the pair does not use the argument."""
+    success: bool
+    diverged: bool = False
+    """Whether the simulation broke down; then it is a failure."""
+    attempt: int = 0
+    """Times this episode was dropped before by a fault of a robot."""
+    physics_steps: int = 0
+
+    def __len__(self) -> int:
+        """Return L, the number of steps executed."""
+        return len(self.pairs)
+
+
+class _Array(msgspec.Struct, frozen=True, forbid_unknown_fields=True, array_like=True):
+    dtype: str
+    shape: tuple[int, ...]
+    data: bytes
+
+
+class _Message(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    round: int
+    slot: int
+    episode: int
+    observations: _Array
+    pairs: _Array
+    arguments: _Array
+    success: bool
+    diverged: bool
+    attempt: int
+    physics_steps: int
+
+
+class _SlotMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    trajectories: list[_Message]
+
+
+def _pack(array: AnyArray, dtype: str) -> _Array:
+    contiguous = np.ascontiguousarray(array, dtype=dtype)
+    return _Array(dtype, contiguous.shape, contiguous.tobytes())
+
+
+def _unpack(packed: _Array, name: str, dtype: str, shape: tuple[int | None, ...]) -> AnyArray:
+    """Return the array if it has the dtype and shape expected (None matches any length)."""
+    if packed.dtype != dtype:
+        raise WireError(f"{name}: dtype {packed.dtype[:20]!r}, expected {dtype!r}")
+    fits = len(packed.shape) == len(shape) and all(
+        wanted is None or wanted == given for wanted, given in zip(shape, packed.shape, strict=True)
+    )
+    if not fits:
+        raise WireError(f"{name}: shape {packed.shape[:8]}, expected {shape}")
+    count = 1
+    for size in packed.shape:
+        if size < 0:
+            raise WireError(f"{name}: negative shape")
+        count *= size
+    if len(packed.data) != count * np.dtype(dtype).itemsize:
+        raise WireError(f"{name}: {len(packed.data)} bytes do not make shape {packed.shape[:8]}")
+    array = np.frombuffer(packed.data, dtype=dtype).reshape(packed.shape)
+    if array.dtype.kind == "f" and not np.isfinite(array).all():
+        raise WireError(f"{name}: not finite")
+    return array
+
+
+@dataclass(frozen=True)
+class TrajectoryFormat:
+    """What a run's trajectories look like; everything else is refused."""
+
+    horizon: int
+    pair_count: int
+    argument_count: int
+    observation_shape: tuple[int, ...]
+    observation_dtype: str
+    episodes_per_slot: int
+
+
+def encode_slot(trajectories: list[Trajectory]) -> bytes:
+    """Encode one slot's trajectories."""
+    messages = [
+        _Message(
+            round=item.round,
+            slot=item.slot,
+            episode=item.episode,
+            observations=_pack(item.observations, item.observations.dtype.str),
+            pairs=_pack(item.pairs, "<i8"),
+            arguments=_pack(item.arguments, "<f4"),
+            success=item.success,
+            diverged=item.diverged,
+            attempt=item.attempt,
+            physics_steps=item.physics_steps,
+        )
+        for item in trajectories
+    ]
+    return msgspec.msgpack.encode(_SlotMessage(messages))
+
+
+_DECODER = msgspec.msgpack.Decoder(_SlotMessage)
+
+
+def decode_slot(data: bytes, expected: TrajectoryFormat) -> list[Trajectory]:
+    """Decode and check one slot's trajectories, in the order of their episodes.
+
+    Raises:
+        WireError: if anything about the message is not as `expected`; its text is the reason.
+
+    """
+    if len(data) > MAX_MESSAGE_BYTES:
+        raise WireError(f"message of {len(data)} bytes is larger than {MAX_MESSAGE_BYTES}")
+    try:
+        message = _DECODER.decode(data)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise WireError(f"malformed message: {str(error)[:200]}") from None
+    trajectories = [_check(item, expected) for item in message.trajectories]
+    if [item.episode for item in trajectories] != list(range(expected.episodes_per_slot)):
+        raise WireError(f"a slot holds episodes 0 to {expected.episodes_per_slot - 1}, in order")
+    if len({(item.round, item.slot) for item in trajectories}) != 1:
+        raise WireError("a message holds one slot of one round")
+    return trajectories
+
+
+def _check(message: _Message, expected: TrajectoryFormat) -> Trajectory:
+    pairs = _unpack(message.pairs, "pairs", "<i8", (None,))
+    length = len(pairs)
+    if not 1 <= length <= expected.horizon:
+        raise WireError(f"{length} steps, expected 1 to {expected.horizon}")
+    if pairs.min() < 0 or pairs.max() >= expected.pair_count:
+        raise WireError(f"pair outside 0 to {expected.pair_count - 1}")
+    if message.success and message.diverged:
+        raise WireError("a diverged episode cannot be a success")
+    if not message.success and not message.diverged and length != expected.horizon:
+        raise WireError(f"a failed episode has {expected.horizon} steps, got {length}")
+    if min(message.round, message.slot, message.episode, message.attempt, message.physics_steps) < 0:
+        raise WireError("negative counter")
+    observations = _unpack(
+        message.observations,
+        "observations",
+        expected.observation_dtype,
+        (length, *expected.observation_shape),
+    )
+    arguments = _unpack(message.arguments, "arguments", "<f4", (length, expected.argument_count))
+    return Trajectory(
+        round=message.round,
+        slot=message.slot,
+        episode=message.episode,
+        observations=observations,
+        pairs=pairs,
+        arguments=arguments,
+        success=message.success,
+        diverged=message.diverged,
+        attempt=message.attempt,
+        physics_steps=message.physics_steps,
+    )
