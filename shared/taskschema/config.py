@@ -131,7 +131,6 @@ def parse_config(data: bytes) -> RunConfig:
 
     Raises:
         ConfigError: if it is not a valid configuration; the message names the field.
-
     """
     try:
         return msgspec.json.decode(data, type=RunConfig)
@@ -146,7 +145,6 @@ def override(config: RunConfig, assignments: dict[str, str]) -> RunConfig:
 
     Raises:
         UnknownNameError: for a field that does not exist; ConfigError for a value that does not fit.
-
     """
     data: dict[str, Any] = msgspec.to_builtins(config)
     for name, text in assignments.items():

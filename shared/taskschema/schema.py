@@ -120,7 +120,6 @@ def logits_from_document(document: SchemaDocument, pairs: PairSpace, horizon: in
 
     Raises:
         SchemaMismatchError: if horizon or skill pairs differ; the message says how.
-
     """
     if document.horizon != horizon:
         raise SchemaMismatchError(

@@ -129,7 +129,6 @@ def decode_slot(data: bytes, expected: TrajectoryFormat) -> list[Trajectory]:
 
     Raises:
         WireError: if anything about the message is not as `expected`; its text is the reason.
-
     """
     if len(data) > MAX_MESSAGE_BYTES:
         raise WireError(f"message of {len(data)} bytes is larger than {MAX_MESSAGE_BYTES}")

@@ -50,7 +50,6 @@ class PolicySnapshot:
 
         Raises:
             WireError: if they are not a policy snapshot, or altered.
-
         """
         try:
             arrays = load(data)

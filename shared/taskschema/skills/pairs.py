@@ -58,7 +58,6 @@ class PairSpace:
 
         Raises:
             UnknownNameError: if one of the skills is not allowed here.
-
         """
         names = [skill.name for skill in self.skills]
         for name in (left, right):

@@ -44,6 +44,5 @@ class Skill:
 
         Raises:
             NotImplementedError: if the skill belongs to a task without physics, which interprets it itself.
-
         """
         raise NotImplementedError(f"Skill {self.name!r} has no motion.")

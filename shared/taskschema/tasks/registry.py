@@ -25,7 +25,6 @@ def get_task(name: str) -> Task:
 
     Raises:
         UnknownNameError: if there is none of this name.
-
     """
     if name not in _TASKS:
         raise UnknownNameError("task", name, _TASKS)
@@ -39,7 +38,6 @@ def read_task_file(reference: str) -> tuple[str, str]:
 
     Raises:
         TaskFileError: if the reference has no class or the file cannot be read.
-
     """
     path, separator, class_name = reference.rpartition(":")
     if not separator or not class_name.isidentifier():
@@ -55,7 +53,6 @@ def load_task_source(class_name: str, source: str) -> Task:
 
     Raises:
         TaskFileError: if it does not run, has no such class, or the class is no complete `Task`.
-
     """
     module = ModuleType("taskschema_user_task")
     try:

@@ -86,7 +86,6 @@ class Task(ABC):
 
         Raises:
             NotImplementedError: if the task has no scripted expert.
-
         """
         raise NotImplementedError(f"Task {self.name!r} has no scripted expert.")
 
@@ -95,6 +94,5 @@ class Task(ABC):
 
         Raises:
             NotImplementedError: if the task runs in a simulator; workers then build it from its scene.
-
         """
         raise NotImplementedError(f"Task {self.name!r} runs in a simulator.")

@@ -1,0 +1,227 @@
+"""A run's folder: its config, checkpoints, metrics and latest schema, none of it ever half-written."""
+
+import csv
+import io
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import filelock
+import msgspec
+
+from taskschema import __version__
+from taskschema.config import FORMAT_VERSION, RunConfig
+from taskschema.errors import ConfigError, RunFolderError
+from taskschema.metrics import RoundMetrics
+from taskschema.schema import SchemaDocument
+
+
+class _ConfigFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    format_version: int
+    taskschema_version: str
+    config: RunConfig
+
+
+class _AnyVersion(msgspec.Struct, frozen=True):
+    format_version: int
+
+
+class RunFolder:
+    """The files of one run; `create` or `open` makes one, `locked` guards it against a second learner."""
+
+    def __init__(self, path: Path, config: RunConfig) -> None:
+        self.path = path
+        self.config = config
+
+    @property
+    def name(self) -> str:
+        """Name of the run: the folder's own."""
+        return self.path.name
+
+    @property
+    def checkpoints(self) -> Path:
+        """Folder of the checkpoints."""
+        return self.path / "checkpoints"
+
+    @classmethod
+    def create(cls, path: Path, config: RunConfig) -> "RunFolder":
+        """Make a new run's folder.
+
+        Raises:
+            RunFolderError: if there is a run already, or the place cannot be written.
+        """
+        if (path / "config.json").exists():
+            raise RunFolderError(
+                f"{path} already holds a run: continue it with --resume, or choose another --run-dir."
+            )
+        content = msgspec.json.format(
+            msgspec.json.encode(_ConfigFile(FORMAT_VERSION, __version__, config)), indent=2
+        )
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            (path / "checkpoints").mkdir(exist_ok=True)
+        except OSError as error:
+            raise RunFolderError(f"The run folder {path} cannot be made: {error.strerror}.") from None
+        write_atomically(path / "config.json", content)
+        return cls(path, config)
+
+    @classmethod
+    def open(cls, path: Path) -> "RunFolder":
+        """Open a run's folder.
+
+        Raises:
+            RunFolderError: if there is no run, its config is damaged, or its format is another version's.
+        """
+        try:
+            data = (path / "config.json").read_bytes()
+        except FileNotFoundError:
+            raise RunFolderError(f"There is no run in {path}: it has no config.json.") from None
+        except OSError as error:
+            raise RunFolderError(f"The run in {path} cannot be read: {error.strerror}.") from None
+        try:
+            version = msgspec.json.decode(data, type=_AnyVersion).format_version
+            if version != FORMAT_VERSION:
+                raise RunFolderError(
+                    f"The run in {path} has format version {version}, this is for {FORMAT_VERSION}: "
+                    "use the version of taskschema named in its config.json, or start a new run."
+                )
+            config = msgspec.json.decode(data, type=_ConfigFile).config
+        except (msgspec.MsgspecError, ConfigError, UnicodeDecodeError) as error:
+            raise RunFolderError(f"The run in {path} has a damaged config.json: {error}.") from None
+        return cls(path, config)
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Hold the run for one learner.
+
+        Raises:
+            RunFolderError: if another learner holds it.
+        """
+        lock = filelock.FileLock(self.path / "learner.lock", timeout=0)
+        try:
+            with lock:
+                yield
+        except filelock.Timeout:
+            raise RunFolderError(f"Another learner is training {self.path}: stop it first.") from None
+
+    def write_schema(self, document: SchemaDocument) -> None:
+        """Replace `schema.json`."""
+        write_atomically(
+            self.path / "schema.json", msgspec.json.format(msgspec.json.encode(document), indent=1)
+        )
+
+    def read_schema(self) -> SchemaDocument:
+        """Return the newest schema.
+
+        Raises:
+            RunFolderError: if there is none yet, or it is damaged.
+        """
+        return read_schema_file(self.path / "schema.json")
+
+    def write_policy(self, data: bytes) -> None:
+        """Replace `policy.safetensors`, the newest policy snapshot."""
+        write_atomically(self.path / "policy.safetensors", data)
+
+    def read_policy(self) -> bytes:
+        """Return the newest policy snapshot.
+
+        Raises:
+            RunFolderError: if there is none yet.
+        """
+        try:
+            return (self.path / "policy.safetensors").read_bytes()
+        except OSError:
+            raise RunFolderError(f"The run in {self.path} has no policy yet: train it first.") from None
+
+    def read_metrics(self) -> list[RoundMetrics]:
+        """Return the rows of `metrics.csv`, oldest first; none if there is no such file.
+
+        Raises:
+            RunFolderError: if the file is damaged.
+        """
+        try:
+            with (self.path / "metrics.csv").open(newline="", encoding="utf-8") as file:
+                return [_parse_row(row) for row in csv.DictReader(file)]
+        except FileNotFoundError:
+            return []
+        except (msgspec.MsgspecError, ValueError, csv.Error) as error:
+            raise RunFolderError(f"metrics.csv in {self.path} is damaged: {error}.") from None
+
+    def append_metrics(self, metrics: RoundMetrics) -> None:
+        """Add a round's row to `metrics.csv`."""
+        path = self.path / "metrics.csv"
+        is_new = not path.exists() or path.stat().st_size == 0
+        with path.open("a", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            row = _format_row(metrics)
+            if is_new:
+                writer.writerow(row)
+            writer.writerow(row.values())
+
+    def keep_metrics(self, rows: list[RoundMetrics]) -> None:
+        """Replace `metrics.csv` by these rows: what a checkpoint covers."""
+        buffer = io.StringIO(newline="")
+        writer = csv.writer(buffer)
+        for number, row in enumerate(map(_format_row, rows)):
+            if number == 0:
+                writer.writerow(row)
+            writer.writerow(row.values())
+        write_atomically(self.path / "metrics.csv", buffer.getvalue().encode())
+
+
+def read_schema_file(path: Path) -> SchemaDocument:
+    """Return the schema in a file.
+
+    Raises:
+        RunFolderError: if it cannot be read or is no schema.
+    """
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=SchemaDocument)
+    except OSError as error:
+        raise RunFolderError(f"The schema {path} cannot be read: {error.strerror}.") from None
+    except msgspec.MsgspecError as error:
+        raise RunFolderError(f"{path} is not a schema: {error}.") from None
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write a file so that it is either the old or the new one, also after a crash.
+
+    Raises:
+        RunFolderError: if it cannot be written; the old file is then as it was.
+    """
+    temporary = None
+    try:
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
+            temporary = Path(file.name)
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+        directory = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(directory)
+        finally:
+            os.close(directory)
+    except OSError as error:
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)
+        raise RunFolderError(f"{path} cannot be written: {error.strerror}. Nothing was changed.") from None
+
+
+def _format_row(metrics: RoundMetrics) -> dict[str, str]:
+    """Flatten a row: tuples are joined by spaces, floats keep every digit."""
+    values: dict[str, Any] = msgspec.to_builtins(metrics)
+    return {
+        name: " ".join(map(repr, value)) if isinstance(value, tuple | list) else str(value)
+        for name, value in values.items()
+    }
+
+
+def _parse_row(row: dict[str, str]) -> RoundMetrics:
+    values: dict[str, Any] = dict(row)
+    for name in ("schema_entropy", "schema_probability"):
+        values[name] = [float(item) for item in row[name].split()]
+    return msgspec.convert(values, RoundMetrics, strict=False)
