@@ -1,0 +1,47 @@
+# taskschema: `make train` learns a task, `make test` runs the tests; both set the environment up first.
+
+PYTHON ?= python3.11
+VENV ?= .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+TASK ?= lateral-lifting
+SEED ?= 0
+
+.PHONY: train test test-slow check bench lock clean help
+
+help:            ## list the targets
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 18
+
+train: $(STAMP)  ## learn TASK (lateral-lifting) from scratch with SEED (0)
+	$(BIN)/taskschema train $(TASK) --seed $(SEED)
+
+test: $(STAMP)   ## run the tests (under 10 minutes on 2 cores)
+	$(BIN)/pytest -m "not slow"
+
+test-slow: $(STAMP)  ## run the long tests too
+	$(BIN)/pytest
+
+check: $(STAMP)  ## lint, formatting and types
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+
+bench: $(STAMP)  ## measure the speed and print it beside its targets
+	$(BIN)/python -m bench
+
+lock: $(STAMP)   ## write requirements.lock from what is installed
+	$(BIN)/pip freeze --exclude-editable | grep -v '^torch==' > requirements.lock
+
+# torch comes first and alone, so that a CPU wheel is taken where there is one; everything else, its
+# dependencies included, is exactly the lock's: nothing is resolved, so nothing unwanted comes along.
+$(STAMP): requirements.lock pyproject.toml
+	@command -v $(PYTHON) >/dev/null || { echo "taskschema needs Python 3.11: install it, or name it with PYTHON=/path/to/python3.11" >&2; exit 1; }
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check torch==2.13.0
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps -r requirements.lock
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --editable .
+	touch $@
+
+clean:           ## remove the environment and caches; runs stay
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
