@@ -26,8 +26,8 @@ class StepResult:
     """[M] whether the goal was reached during or at the end of the step."""
     diverged: BoolArray
     """[M] whether the simulation broke down: the episode is failed and counted."""
-    physics_steps: int
-    """Physics steps computed for all M episodes together; 0 without physics."""
+    physics_steps: IntArray
+    """[M] physics steps computed for each episode, a function of the episode alone; 0 without physics."""
 
 
 class BatchEnvironment(Protocol):

@@ -89,7 +89,8 @@ class ToyEnvironment:
         slips = (raised > 0).any(axis=1) & ~success
         self._holding[episodes[slips]] = False
         self._time[episodes] += 1
-        return StepResult(self._observe(episodes), success, np.zeros(len(episodes), dtype=bool), 0)
+        no_physics = np.zeros(len(episodes), dtype=np.int64)
+        return StepResult(self._observe(episodes), success, no_physics.astype(bool), no_physics)
 
     def close(self) -> None:
         """Nothing to free."""
