@@ -1,0 +1,51 @@
+"""The policy gradients by name: the method is agnostic to which one trains the network (paper, IV-A)."""
+
+from typing import ClassVar, Protocol
+
+from torch import Tensor
+
+from taskschema.config import PPOConfig
+from taskschema.errors import UnknownNameError
+from taskschema_learner.ppo import PPO
+from taskschema_learner.reinforce import Reinforce
+
+
+class Algorithm(Protocol):
+    """What turns a batch into a loss of the network's policy and value."""
+
+    name: ClassVar[str]
+    """Name in `config.ppo.algorithm`."""
+
+    @property
+    def epochs(self) -> int:
+        """How often an update passes over its batch."""
+        ...
+
+    @property
+    def gae_lambda(self) -> float:
+        """Lambda of the advantages that it takes."""
+        ...
+
+    def policy_loss(self, log_probabilities: Tensor, old: Tensor, advantages: Tensor) -> Tensor:
+        """Return the scalar to minimise, from three tensors [B]; `old` are the log-probabilities before."""
+        ...
+
+    def value_loss(self, values: Tensor, old: Tensor, returns: Tensor) -> Tensor:
+        """Return the critic's scalar loss, from three tensors [B]."""
+        ...
+
+
+ALGORITHMS: dict[str, type[PPO] | type[Reinforce]] = {item.name: item for item in (PPO, Reinforce)}
+"""All of them; a new one is a file and an entry here."""
+
+
+def make_algorithm(config: PPOConfig) -> Algorithm:
+    """Return the algorithm that the config names.
+
+    Raises:
+        UnknownNameError: if there is none of this name.
+
+    """
+    if config.algorithm not in ALGORITHMS:
+        raise UnknownNameError("algorithm", config.algorithm, ALGORITHMS)
+    return ALGORITHMS[config.algorithm](config)

@@ -1,0 +1,155 @@
+"""The argument network in torch: the trainable twin of `taskschema.policies.network`."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import nn
+
+from taskschema.arrays import Float32Array, FloatArray
+from taskschema.config import NetworkConfig
+from taskschema.policies.network import LOG_STD_RANGE
+
+TRUNK_GAIN = math.sqrt(2.0)
+ACTOR_GAIN = 0.01
+"""Initial gain of the actor's heads (Stable Baselines): every state starts with nearly the same actions."""
+VALUE_GAIN = 0.01
+"""Initial gain of the critic's head: nearly no return is expected at first (see docs/paper.md)."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What the network says about B observations, as tensors that carry gradients."""
+
+    mean: torch.Tensor
+    """[B, A] mean of each normalised argument."""
+    log_std: torch.Tensor
+    """[B, A] log standard deviation."""
+    value: torch.Tensor
+    """[B] expected return."""
+    pair_logits: torch.Tensor | None
+    """[B, |X|] logits over skill pairs, of the `state` policy only."""
+
+
+class ArgumentNetwork(nn.Module):
+    """An MLP of 4 layers of 64, ReLU, with heads for the actor and the critic (paper, section IV-A).
+
+    Mean *and* variance of every argument depend on the state (section III). The heads are the rows of one
+    matrix, and all parameters and gradients are views of two flat vectors: minibatches are so small that
+    the number of operations decides how long an update takes.
+    """
+
+    def __init__(
+        self, inputs: int, hidden: tuple[int, ...], arguments: int, pairs: int = 0, device: str = "cpu"
+    ) -> None:
+        """Build the network with all weights zero.
+
+        Args:
+            inputs: D, the length of an observation.
+            hidden: units of the trunk's layers.
+            arguments: A, the length of the argument vector.
+            pairs: |X| for the `state` policy, 0 for policies that do not choose the pair.
+            device: `cpu` or `cuda`.
+
+        """
+        super().__init__()
+        sizes = [inputs, *hidden]
+        self.trunk = nn.ModuleList(
+            nn.Linear(i, o, device=device) for i, o in zip(sizes, sizes[1:], strict=False)
+        )
+        self._heads = {"mean": arguments, "log_std": arguments, "value": 1} | (
+            {"pair": pairs} if pairs else {}
+        )
+        self.heads = nn.Linear(sizes[-1], sum(self._heads.values()), device=device)
+        self._flatten(torch.float32)
+
+    def _flatten(self, dtype: torch.dtype) -> None:
+        """Make all parameters and their gradients views of `flat` and of its gradient."""
+        parameters = [*self.trunk.parameters(), *self.heads.parameters()]
+        values = torch.cat([parameter.detach().reshape(-1) for parameter in parameters]).to(dtype)
+        self.flat = [nn.Parameter(torch.zeros_like(values))]  # in a list: it is no parameter of its own
+        self.flat[0].grad = torch.zeros_like(values)
+        start = 0
+        for parameter in parameters:
+            end = start + parameter.numel()
+            parameter.data = self.flat[0].data[start:end].view_as(parameter)
+            parameter.grad = self.flat[0].grad[start:end].view_as(parameter)
+            start = end
+
+    def use_float64(self) -> None:
+        """Compute in double precision, for comparisons with other implementations; sets weights to zero."""
+        self._flatten(torch.float64)
+
+    def forward(self, inputs: torch.Tensor) -> Evaluation:
+        """Run the network on scaled observations [B, D]."""
+        hidden = inputs
+        for layer in self.trunk:
+            hidden = torch.relu(layer(hidden))
+        outputs = self.heads(hidden).split(list(self._heads.values()), dim=1)
+        return Evaluation(
+            mean=outputs[0],
+            log_std=outputs[1].clamp(*LOG_STD_RANGE),
+            value=outputs[2][:, 0],
+            pair_logits=outputs[3] if len(outputs) > 3 else None,
+        )
+
+    def _named(self) -> dict[str, torch.Tensor]:
+        """Return views of the parameters under the names that they travel by."""
+        views = {f"trunk.{name}": parameter.data for name, parameter in self.trunk.named_parameters()}
+        sizes = list(self._heads.values())
+        weights = torch.split(self.heads.weight.data, sizes)
+        biases = torch.split(self.heads.bias.data, sizes)
+        for name, weight, bias in zip(self._heads, weights, biases, strict=True):
+            views[f"{name}.weight"] = weight
+            views[f"{name}.bias"] = bias
+        return views
+
+    def weights(self) -> dict[str, Float32Array]:
+        """Return copies of the weights by name, as `taskschema.policies.network.forward` takes them."""
+        return {name: view.cpu().numpy().astype(np.float32) for name, view in self._named().items()}
+
+    def load(self, weights: dict[str, Float32Array]) -> None:
+        """Set all weights by name.
+
+        Raises:
+            ValueError: if names or shapes are not this network's.
+
+        """
+        views = self._named()
+        shapes = {name: tuple(view.shape) for name, view in views.items()}
+        if shapes != {name: array.shape for name, array in weights.items()}:
+            raise ValueError(f"The weights are not of this network, which has {shapes}.")
+        for name, view in views.items():
+            view.copy_(torch.from_numpy(np.array(weights[name])))
+
+
+def initial_weights(
+    rng: np.random.Generator, inputs: int, config: NetworkConfig, arguments: int, pairs: int = 0
+) -> dict[str, Float32Array]:
+    """Return a network's first weights: orthogonal, biases zero, as in Stable Baselines.
+
+    The bias of the log standard deviation is `config.initial_log_std`. Arguments as in `ArgumentNetwork`.
+    """
+    sizes = [inputs, *config.hidden]
+    shapes = {f"trunk.{n}": (sizes[n + 1], sizes[n], TRUNK_GAIN) for n in range(len(config.hidden))}
+    shapes["mean"] = (arguments, sizes[-1], ACTOR_GAIN)
+    shapes["log_std"] = (arguments, sizes[-1], ACTOR_GAIN)
+    shapes["value"] = (1, sizes[-1], VALUE_GAIN)
+    if pairs:
+        shapes["pair"] = (pairs, sizes[-1], ACTOR_GAIN)
+    weights: dict[str, Float32Array] = {}
+    for name, (rows, columns, gain) in shapes.items():
+        weights[f"{name}.weight"] = (gain * _orthogonal(rng, rows, columns)).astype(np.float32)
+        weights[f"{name}.bias"] = np.zeros(rows, dtype=np.float32)
+    weights["log_std.bias"] += np.float32(config.initial_log_std)
+    return weights
+
+
+def _orthogonal(rng: np.random.Generator, rows: int, columns: int) -> FloatArray:
+    """Return a random [rows, columns] matrix whose shorter side is orthonormal."""
+    tall = rng.standard_normal((max(rows, columns), min(rows, columns)))
+    q, r = np.linalg.qr(tall)
+    q = q * np.sign(np.diag(r))  # makes the distribution uniform over orthogonal matrices
+    result: FloatArray = q if rows >= columns else q.T
+    return result

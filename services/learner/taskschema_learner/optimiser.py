@@ -1,0 +1,164 @@
+"""One round's update of the argument network: the same loop for every policy and algorithm."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from taskschema.arrays import AnyArray, FloatArray
+from taskschema.config import PPOConfig
+from taskschema_learner.advantages import generalised_advantages
+from taskschema_learner.algorithms import make_algorithm
+from taskschema_learner.batch import Batch, Samples
+from taskschema_learner.losses import (
+    argument_entropy,
+    argument_log_probability,
+    normalise,
+    pair_entropy,
+    pair_log_probability,
+)
+from taskschema_learner.networks import ArgumentNetwork, Evaluation
+
+
+@dataclass(frozen=True)
+class UpdateStatistics:
+    """What one update did; see `taskschema.metrics.RoundMetrics` for the meanings."""
+
+    policy_loss: float
+    value_loss: float
+    argument_entropy: float
+    approximate_kl: float
+    clip_fraction: float
+    gradient_norm: float
+
+
+class Optimiser:
+    """Adam on a network's flat parameter vector, over shuffled minibatches of a batch.
+
+    Pairs enter the loss only where the network itself chooses them (`state` policy): elsewhere the schema's
+    logits are constants, which change no gradient (paper, section III).
+    """
+
+    def __init__(self, network: ArgumentNetwork, config: PPOConfig) -> None:
+        self._network = network
+        self._config = config
+        self._algorithm = make_algorithm(config)
+        self._adam = torch.optim.Adam(
+            network.flat, lr=config.learning_rate, eps=config.adam_epsilon, fused=True
+        )
+
+    def update(self, batch: Batch, rng: np.random.Generator) -> UpdateStatistics:
+        """Train on a batch that the network's present weights acted in; `rng` shuffles the minibatches."""
+        samples = self._samples(batch)
+        policy_losses, value_losses, norms = [], [], []
+        for _ in range(self._algorithm.epochs):
+            order = torch.from_numpy(rng.permutation(len(batch.pairs)))
+            for rows in order.tensor_split(self._config.minibatches):
+                minibatch = _take(samples, rows.to(samples.inputs.device))
+                policy_loss, value_loss, norm = self._step(minibatch)
+                policy_losses.append(policy_loss)
+                value_losses.append(value_loss)
+                norms.append(norm)
+        return self._statistics(samples, [policy_losses, value_losses, norms])
+
+    def _samples(self, batch: Batch) -> Samples:
+        like = self._network.flat[0]
+        inputs, arguments, used = (
+            torch.from_numpy(array).to(like) for array in (batch.inputs, batch.arguments, batch.used)
+        )
+        pairs = torch.from_numpy(batch.pairs).to(like.device)
+        with torch.no_grad():
+            evaluation = self._network(inputs)
+            old = self._log_probabilities(evaluation, arguments, used, pairs)
+        values = evaluation.value.cpu().numpy().astype(np.float64)
+        advantages = generalised_advantages(
+            batch.rewards, batch.padded(values), batch.lengths, self._config.gamma, self._algorithm.gae_lambda
+        )[batch.inside]
+        return Samples(
+            inputs=inputs,
+            pairs=pairs,
+            arguments=arguments,
+            used=used,
+            old_log_probabilities=old,
+            old_values=evaluation.value,
+            advantages=torch.from_numpy(advantages).to(like),
+            returns=torch.from_numpy(advantages + values).to(like),
+        )
+
+    @staticmethod
+    def _log_probabilities(evaluation: Evaluation, arguments: Tensor, used: Tensor, pairs: Tensor) -> Tensor:
+        result = argument_log_probability(arguments, evaluation.mean, evaluation.log_std, used)
+        if evaluation.pair_logits is not None:
+            result = result + pair_log_probability(evaluation.pair_logits, pairs)
+        return result
+
+    def _step(self, samples: Samples) -> tuple[Tensor, Tensor, Tensor]:
+        """Take one gradient step on one minibatch: policy loss, value loss, gradient norm."""
+        evaluation = self._network(samples.inputs)
+        new = self._log_probabilities(evaluation, samples.arguments, samples.used, samples.pairs)
+        entropy = argument_entropy(evaluation.log_std, samples.used).mean()
+        if evaluation.pair_logits is not None:
+            entropy = entropy + pair_entropy(evaluation.pair_logits).mean()
+        advantages = normalise(samples.advantages, self._config.advantage_std_floor)
+        policy_loss = self._algorithm.policy_loss(new, samples.old_log_probabilities, advantages)
+        value_loss = self._algorithm.value_loss(evaluation.value, samples.old_values, samples.returns)
+        loss = (
+            policy_loss
+            - self._config.entropy_coefficient * entropy
+            + self._config.value_coefficient * value_loss
+        )
+        self._adam.zero_grad(set_to_none=False)
+        torch.autograd.backward(loss)
+        norm = nn.utils.clip_grad_norm_(self._network.flat, self._config.max_gradient_norm)
+        self._adam.step()
+        return policy_loss.detach(), value_loss.detach(), norm
+
+    def _statistics(self, samples: Samples, series: list[list[Tensor]]) -> UpdateStatistics:
+        with torch.no_grad():
+            evaluation = self._network(samples.inputs)
+            new = self._log_probabilities(evaluation, samples.arguments, samples.used, samples.pairs)
+            log_ratio = new - samples.old_log_probabilities
+            outside = (log_ratio.exp() - 1.0).abs() > self._config.clip
+            means = [torch.stack(values).mean() for values in series]
+            entropy = argument_entropy(evaluation.log_std, samples.used).mean()
+        return UpdateStatistics(
+            policy_loss=float(means[0]),
+            value_loss=float(means[1]),
+            argument_entropy=float(entropy),
+            approximate_kl=float(-log_ratio.mean()),
+            clip_fraction=float(outside.double().mean()),
+            gradient_norm=float(means[2]),
+        )
+
+    def arrays(self) -> dict[str, AnyArray]:
+        """Return Adam's moments and step count, for a checkpoint."""
+        state = self._adam.state.get(self._network.flat[0])
+        size = self._network.flat[0].numel()
+        if not state:
+            return {"first": np.zeros(size), "second": np.zeros(size), "steps": np.zeros(())}
+        return {
+            "first": state["exp_avg"].cpu().numpy().copy(),
+            "second": state["exp_avg_sq"].cpu().numpy().copy(),
+            "steps": np.array(float(state["step"])),
+        }
+
+    def load(self, arrays: dict[str, AnyArray]) -> None:
+        """Take over what `arrays` returned."""
+        flat = self._network.flat[0]
+        steps = torch.tensor(float(arrays["steps"]), dtype=torch.float32, device=flat.device)
+        self._adam.state[flat] = {
+            "step": steps,
+            "exp_avg": _like(arrays["first"], flat),
+            "exp_avg_sq": _like(arrays["second"], flat),
+        }
+
+
+def _like(array: FloatArray, flat: Tensor) -> Tensor:
+    if array.shape != tuple(flat.shape):
+        raise ValueError(f"Adam's moments have shape {array.shape}, this network has {tuple(flat.shape)}.")
+    return torch.from_numpy(array.copy()).to(flat.detach())
+
+
+def _take(samples: Samples, rows: Tensor) -> Samples:
+    return Samples(**{name: value[rows] for name, value in vars(samples).items()})
