@@ -1,1 +1,23 @@
-"""Rollout workers: scenes, simulation, gymnasium environments and the rollout loop."""
+"""Rollout workers: scenes, simulation, gymnasium environments and the rollout loop.
+
+Importing this package registers every task with gymnasium, and imports no simulator.
+"""
+
+import gymnasium
+
+from taskschema.tasks.registry import task_names
+
+
+def _register_environments() -> None:
+    """Register `taskschema/LateralLifting-v0` and so on, one for every task."""
+    for name in task_names():
+        title = "".join(word.capitalize() for word in name.split("-"))
+        gymnasium.register(
+            id=f"taskschema/{title}-v0",
+            entry_point="taskschema_worker.gymnasium_environment:TaskEnvironment",
+            vector_entry_point="taskschema_worker.gymnasium_vector:TaskVectorEnvironment",
+            kwargs={"task": name},
+        )
+
+
+_register_environments()

@@ -1,0 +1,104 @@
+"""How a run's schema relates to the paper's: equal, equivalent or different (design, section 5)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from importlib import resources
+
+import msgspec
+
+from taskschema.errors import SchemaMismatchError
+from taskschema.schema import BestPair
+from taskschema.tasks.task import Schema, Task
+
+
+class SchemaVerdict(StrEnum):
+    """What a learned schema is, measured against the paper's and the audit's good set."""
+
+    EQUAL = "equal"
+    """The paper's schema (Table I)."""
+    EQUIVALENT = "equivalent"
+    """Another member of the good set."""
+    DIFFERENT = "different"
+    """Neither."""
+
+
+@dataclass(frozen=True)
+class SchemaComparison:
+    """A learned schema beside the paper's."""
+
+    found: Schema
+    """The most probable pair of every used step."""
+    paper: Schema
+    verdict: SchemaVerdict
+
+    @property
+    def is_success(self) -> bool:
+        """Whether the schema counts as found: equal or equivalent."""
+        return self.verdict is not SchemaVerdict.DIFFERENT
+
+    @property
+    def sentence(self) -> str:
+        """The comparison in one sentence."""
+        if self.verdict is SchemaVerdict.EQUAL:
+            return f"equal to the paper's: {schema_words(self.paper)}"
+        if self.verdict is SchemaVerdict.EQUIVALENT:
+            return f"equivalent to the paper's ({schema_words(self.paper)}): another schema of the good set"
+        return f"different from the paper's, which is {schema_words(self.paper)}"
+
+
+def schema_words(schema: Schema) -> str:
+    """Return a schema on one line, left arm first, for example `(reach, reach), (raise, raise)`."""
+    return ", ".join(f"({left}, {right})" for left, right in schema)
+
+
+def good_schemas(task: Task) -> list[Schema]:
+    """Return the schemas that solve the task: the paper's first, then those that the audit found good.
+
+    Raises:
+        SchemaMismatchError: if the task's file of good schemas is damaged.
+
+    """
+    paper = tuple(task.paper_schema)
+    file = resources.files("taskschema") / "data" / "good_schemas" / f"{task.name}.json"
+    if not file.is_file():
+        return [paper]
+    try:
+        audited = msgspec.json.decode(file.read_bytes(), type=list[tuple[tuple[str, str], ...]])
+    except msgspec.MsgspecError as error:
+        raise SchemaMismatchError(
+            f"{file} is damaged ({error}): make it again with `taskschema audit {task.name}`."
+        ) from None
+    return [paper, *(schema for schema in audited if schema != paper)]
+
+
+def compare(task: Task, best: Sequence[BestPair]) -> SchemaComparison:
+    """Compare a run's most probable pairs, one per step, with the paper's schema and the good set.
+
+    Steps after the one at which episodes succeed are unused and match anything, in the run's schema as in
+    those of the good set. A schema that begins like the paper's but needs more steps is equivalent.
+
+    Raises:
+        SchemaMismatchError: if the task's file of good schemas is damaged.
+
+    """
+    used = tuple((item.left, item.right) for item in best if item.used)
+    rows = tuple((item.left, item.right) for item in best)
+    paper, *others = good_schemas(task)
+    if len(used) <= len(paper) and _begins_with(rows, used, paper):
+        verdict = SchemaVerdict.EQUAL
+    elif any(_begins_with(rows, used, good) for good in (paper, *others)):
+        verdict = SchemaVerdict.EQUIVALENT
+    else:
+        verdict = SchemaVerdict.DIFFERENT
+    return SchemaComparison(used or rows, paper, verdict)
+
+
+def _begins_with(rows: Schema, used: Schema, good: Schema) -> bool:
+    """Whether the run's schema solves the task wherever `good` does.
+
+    The rows that the run uses must be those of `good`. Where it uses fewer, its episodes are over before
+    the rest of `good` matters; a run that never succeeded uses all of its rows.
+    """
+    length = min(len(used) or len(rows), len(good))
+    return rows[:length] == good[:length]
