@@ -1,0 +1,81 @@
+"""Connecting to Redis: one retry policy, and every failure as one line that says what to do."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from urllib.parse import urlsplit
+
+import redis
+from redis.backoff import EqualJitterBackoff
+from redis.retry import Retry
+
+from taskschema.errors import BusError
+
+MINIMUM_VERSION = (6, 2)
+"""Expired leases are claimed with XAUTOCLAIM, which came with 6.2."""
+PATIENCE_SECONDS = 20.0
+"""A command is tried again for about this long [s]: a server that restarts is waited for."""
+LONGEST_BLOCK_MS = 10_000
+"""No blocking read lasts longer [ms], so that the socket's own timeout finds a server that is gone."""
+
+
+def connect(url: str, *, patience: float = PATIENCE_SECONDS) -> redis.Redis:
+    """Connect to a server and check it.
+
+    Args:
+        url: `redis://`, `rediss://` or `unix://` URL, with user and password where it needs them.
+        patience: for about how long a command is tried again once the server has answered [s].
+
+    Raises:
+        BusError: if there is no server, it refuses, or it is too old.
+
+    """
+    with bus_errors(), _client(url, patience=0.0) as probe:
+        version = str(probe.info("server")["redis_version"])
+    if tuple(int(part) for part in version.split(".")[:2]) < MINIMUM_VERSION:
+        needed = ".".join(map(str, MINIMUM_VERSION))
+        raise BusError(f"Redis at {_without_secrets(url)} is version {version}: {needed} or newer is needed.")
+    return _client(url, patience)
+
+
+def _client(url: str, patience: float) -> redis.Redis:
+    # Half to all of 0.5 s between tries, once they have become that rare.
+    retry = Retry(EqualJitterBackoff(cap=0.5, base=0.02), retries=int(patience / 0.375) + 1)
+    try:
+        return redis.Redis.from_url(
+            url,
+            retry=retry,
+            socket_connect_timeout=5.0,
+            socket_timeout=LONGEST_BLOCK_MS / 1000 + 10.0,
+            socket_keepalive=True,
+            health_check_interval=15,
+            protocol=2,
+        )
+    except ValueError as error:
+        raise BusError(
+            f"{_without_secrets(url)!r} is no Redis URL ({error}): use redis://USER:PASSWORD@HOST:PORT."
+        ) from None
+
+
+def _without_secrets(url: str) -> str:
+    """Return the URL without user and password."""
+    parts = urlsplit(url)
+    return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"
+
+
+@contextmanager
+def bus_errors() -> Iterator[None]:
+    """Turn what redis-py raises into a BusError; usable as a decorator."""
+    try:
+        yield
+    except (redis.AuthenticationError, redis.exceptions.NoPermissionError) as error:
+        raise BusError(f"Redis refuses ({error}): check user and password in its URL.") from error
+    except (redis.ConnectionError, redis.TimeoutError) as error:
+        raise BusError(
+            f"Redis does not answer ({_one_line(error)}): check that it runs and that its URL is right."
+        ) from error
+    except redis.RedisError as error:
+        raise BusError(f"Redis refuses a command: {_one_line(error)}.") from error
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())[:300].rstrip(".") or type(error).__name__
