@@ -46,5 +46,9 @@ class StaleTokenError(BusError):
     """Another learner holds a newer fencing token for this run: this one must stop."""
 
 
+class RayError(TaskschemaError):
+    """A Ray that cannot be started or reached."""
+
+
 class QuarantineLimitError(TaskschemaError):
     """A slot whose results were refused three times."""

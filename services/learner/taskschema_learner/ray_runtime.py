@@ -1,0 +1,182 @@
+"""The Ray that rollout actors run on: a small one of our own, or a cluster that is there already."""
+
+import logging
+import os
+import shutil
+import signal
+import tempfile
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from taskschema.errors import RayError
+
+if TYPE_CHECKING:
+    from ray import ObjectRef
+    from ray.actor import ActorHandle
+
+OBJECT_STORE_BYTES = 80 * 2**20
+"""About the least that Ray takes; no trajectory goes through it [bytes]."""
+RESTARTS = 10
+"""How often Ray restarts an actor whose process dies, before the pool replaces it."""
+SINGLE_THREADED = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+"""Environment of actors: more BLAS threads than one are slower here, and give other bits."""
+LOCAL_SETTINGS = {
+    # Ray's switch for laptops makes all its servers listen on loopback alone: they ask for no password.
+    "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0",
+    # Idle processes started ahead of time have not the actors' environment and would never be used.
+    "RAY_prestart_worker_first_driver": "false",
+    "RAY_USAGE_STATS_ENABLED": "0",
+}
+"""Environment of a local Ray; it reads these when it is first imported."""
+
+
+class RayRuntime:
+    """A connection to Ray, which it starts on this machine if it has no address.
+
+    Args:
+        address: an existing cluster, such as `auto` or `10.0.0.5:6379`; None: a local Ray.
+
+    """
+
+    def __init__(self, address: str | None = None) -> None:
+        self._address = address
+        self._folder: str | None = None
+
+    def start(self) -> None:
+        """Start or reach Ray.
+
+        Raises:
+            RayError: if that fails.
+
+        """
+        settings: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.ERROR}
+        if self._address is None:
+            os.environ.update(LOCAL_SETTINGS)
+            # A folder of its own, short because Unix sockets' paths are; it goes when Ray stops.
+            self._folder = tempfile.mkdtemp(prefix="taskschema-")
+            settings |= {
+                "address": "local",
+                "num_cpus": len(os.sched_getaffinity(0)),
+                "include_dashboard": False,
+                "object_store_memory": OBJECT_STORE_BYTES,
+                "_temp_dir": self._folder,
+            }
+        else:
+            settings |= {"address": self._address, "ignore_reinit_error": True}
+        import ray
+
+        try:
+            with _signal_handlers_kept():
+                ray.init(**settings)
+        except (ConnectionError, OSError, RuntimeError, ValueError, ray.exceptions.RayError) as error:
+            self.stop()
+            raise RayError(self._failure(error)) from error
+        own = ray.util.get_node_ip_address()  # type: ignore[no-untyped-call]
+        if self._address is None and own != "127.0.0.1":
+            self.stop()
+            raise RayError("Ray would listen beyond this machine: start taskschema before importing ray.")
+
+    def stop(self) -> None:
+        """Stop or leave Ray; what was started here is gone then."""
+        import ray
+
+        with _signal_handlers_kept():
+            ray.shutdown()
+        if self._folder is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
+            self._folder = None
+
+    def resources(self) -> tuple[float, float]:
+        """Return the cluster's CPUs and its memory [bytes]."""
+        import ray
+
+        resources = ray.cluster_resources()  # type: ignore[no-untyped-call]
+        return resources.get("CPU", 0.0), resources.get("memory", 0.0)
+
+    def start_actor(self, redis_url: str, run: str, cpus: float) -> "ActorHandle[Any]":
+        """Place a rollout actor, on another machine than the one before if there is one."""
+        import ray
+
+        from taskschema_worker.rollout_actor import RolloutActor
+
+        remote: Any = ray.remote(RolloutActor)
+        options = remote.options(
+            num_cpus=cpus,
+            max_restarts=RESTARTS,
+            max_task_retries=RESTARTS,  # a restarted actor goes on running its worker
+            max_concurrency=3,  # run, stop and memory at the same time
+            scheduling_strategy="SPREAD",
+            runtime_env={"env_vars": SINGLE_THREADED},
+        )
+        handle: ActorHandle[Any] = options.remote(redis_url, run)
+        return handle
+
+    def ended(self, references: "Sequence[ObjectRef[None]]") -> "dict[ObjectRef[None], str | None]":
+        """Return which of some calls are over, with the error of those that failed, on one line."""
+        import ray
+
+        if not references:
+            return {}
+        ready, _ = ray.wait(list(references), num_returns=len(references), timeout=0)
+        result: dict[ObjectRef[None], str | None] = {}
+        for reference in ready:
+            try:
+                ray.get(reference)
+            except ray.exceptions.RayTaskError as error:
+                result[reference] = f"{type(error.cause).__name__}: {error.cause}".splitlines()[0]
+            except ray.exceptions.RayError as error:
+                result[reference] = str(error).strip().splitlines()[0]
+            else:
+                result[reference] = None
+        return result
+
+    def answers(self, references: "Sequence[ObjectRef[int]]", timeout: float) -> list[int]:
+        """Return the results of those calls that succeed within `timeout` seconds."""
+        import ray
+
+        ready, _ = ray.wait(list(references), num_returns=len(references), timeout=timeout)
+        results = []
+        for reference in ready:
+            try:
+                results.append(ray.get(reference))
+            except ray.exceptions.RayError:  # an actor that is just dying has no memory to tell of
+                continue
+        return results
+
+    def wait(self, references: "Sequence[ObjectRef[None]]", timeout: float) -> None:
+        """Wait until all calls are over, for at most `timeout` seconds."""
+        import ray
+
+        if references:
+            ray.wait(list(references), num_returns=len(references), timeout=timeout)
+
+    def kill(self, actor: "ActorHandle[Any]") -> None:
+        """End an actor's process for good."""
+        import ray
+
+        ray.kill(actor, no_restart=True)
+
+    def _failure(self, error: BaseException) -> str:
+        reason = " ".join(str(error).split())[:300]
+        if self._address is not None:
+            return (
+                f"Ray at {self._address} cannot be reached: {reason} Check the address and that the cluster "
+                "has the same versions of Ray and Python."
+            )
+        return f"Ray cannot be started on this machine: {reason} `taskschema doctor --full` looks for why."
+
+
+@contextmanager
+def _signal_handlers_kept() -> Iterator[None]:
+    """Keep Ray from replacing this process's own handlers, which stop a training cleanly."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,177 @@
+"""The worker pool: places, restarts and scales rollout actors on Ray."""
+
+import logging
+import math
+import threading
+import time
+from dataclasses import dataclass
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+from taskschema.bus.connection import connect
+from taskschema.bus.records import RunRecords
+from taskschema.errors import BusError
+from taskschema_learner.ray_runtime import RayRuntime
+
+if TYPE_CHECKING:
+    from ray import ObjectRef
+    from ray.actor import ActorHandle
+
+log = logging.getLogger("taskschema.pool")
+
+ACTORS_PER_CORE = 64
+"""Most actors that one core is shared by."""
+BYTES_PER_ACTOR = 150 * 2**20
+"""Memory set aside for an actor when counting how many fit [bytes]."""
+POLL_SECONDS = 0.5
+"""How often the target is read and dead actors are looked for [s]."""
+GRACE_SECONDS = 10.0
+"""How long an actor that is one too many may finish its slots [s]."""
+RETRY_SECONDS = (1.0, 30.0)
+"""Shortest and longest wait before failed workers are replaced; it doubles with each failure in a row [s]."""
+CLOSE_SECONDS = 1.5
+"""How long actors may take to leave when the pool closes [s]."""
+
+
+@dataclass
+class _Actor:
+    handle: "ActorHandle[Any]"
+    running: "ObjectRef[None]"
+    share: float
+    """CPUs that Ray reserves for it."""
+    retired_at: float | None = None
+    """When it was asked to leave."""
+
+
+class WorkerPool:
+    """Rollout actors of one run, as many as its target asks for and the cluster can hold.
+
+    actors = min(target, capacity), and the target is the capacity, one actor a core, unless someone set it:
+    here, with `taskschema scale N` or with `PUT /workers`. Where actors outnumber cores, each reserves a
+    fraction of one, down to 1/64. An actor whose process dies is restarted by Ray, one whose worker fails
+    by the pool. Use it in `with`; leaving it stops all actors, and Ray if it was started here.
+
+    Raises:
+        BusError: if Redis cannot be reached. RayError: if Ray cannot be started or reached.
+
+    """
+
+    def __init__(
+        self, redis_url: str, run: str, target: int | None = None, address: str | None = None
+    ) -> None:
+        self._redis_url = redis_url
+        self._run = run
+        self._records = RunRecords(connect(redis_url))
+        if target is not None:
+            self._records.set_worker_target(run, target)
+        self._ray = RayRuntime(address)
+        self._actors: list[_Actor] = []
+        self._failures = 0
+        self._retry_at = 0.0
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._follow_target, name="worker-pool", daemon=True)
+
+    def __enter__(self) -> Self:
+        """Start Ray and the first actors; they join the run when they are up."""
+        self._ray.start()
+        try:
+            self._reconcile()
+        except BaseException:
+            self._ray.stop()
+            raise
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Stop everything, within five seconds."""
+        self.close()
+
+    @property
+    def size(self) -> int:
+        """How many actors there are to be now."""
+        return sum(actor.retired_at is None for actor in self._actors)
+
+    @property
+    def capacity(self) -> int:
+        """How many actors the cluster can hold at the most, however many are asked for."""
+        cores, memory = self._ray.resources()
+        return max(1, min(int(cores * ACTORS_PER_CORE), int(memory / BYTES_PER_ACTOR)))
+
+    def memory(self) -> list[int]:
+        """Return each actor's own memory [bytes], of those that answer within a second."""
+        return self._ray.answers([actor.handle.memory.remote() for actor in self._actors], timeout=1.0)
+
+    def close(self) -> None:
+        """Stop all actors, and Ray if it was started here."""
+        if self._closing.is_set():
+            return
+        self._closing.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        for actor in self._actors:
+            actor.handle.stop.remote()
+        self._ray.wait([actor.running for actor in self._actors], timeout=CLOSE_SECONDS)
+        for actor in self._actors:
+            self._ray.kill(actor.handle)
+        self._actors.clear()
+        self._ray.stop()
+
+    def _follow_target(self) -> None:
+        """Keep the actors at their target until the pool closes."""
+        while not self._closing.wait(POLL_SECONDS):
+            try:
+                self._reconcile()
+            except BusError as error:  # Redis may come back; the actors try again by themselves
+                log.warning("The worker target cannot be read: %s", error)
+
+    def _reconcile(self) -> None:
+        """Drop actors that ended, retire those that are too many or reserve too much, start missing ones."""
+        target = self._records.worker_target(self._run)
+        cores = max(1.0, self._ray.resources()[0])
+        wanted = min(int(cores) if target is None else target, self.capacity)
+        share = 1.0 if wanted <= cores else math.floor(cores / wanted * 1e4) / 1e4
+        self._drop_ended()
+        before = self.size
+        staying = [actor for actor in self._actors if actor.retired_at is None and actor.share <= share]
+        for actor in self._actors:
+            if actor.retired_at is None and actor not in staying[:wanted]:
+                actor.handle.stop.remote()
+                actor.retired_at = time.monotonic()
+        if time.monotonic() >= self._retry_at:
+            self._actors += [self._start(share) for _ in range(wanted - self.size)]
+        if self.size != before:
+            log.info(
+                "workers: %d, each on %g CPU (target %s, capacity %d)",
+                self.size,
+                share,
+                target,
+                self.capacity,
+            )
+
+    def _start(self, share: float) -> _Actor:
+        handle = self._ray.start_actor(self._redis_url, self._run, share)
+        return _Actor(handle, handle.run.remote(), share)
+
+    def _drop_ended(self) -> None:
+        """Forget actors that left or failed, and kill those that take too long to leave."""
+        now = time.monotonic()
+        ended = self._ray.ended([actor.running for actor in self._actors])
+        for actor in list(self._actors):
+            overdue = actor.retired_at is not None and now - actor.retired_at > GRACE_SECONDS
+            if actor.running not in ended and not overdue:
+                continue
+            self._ray.kill(actor.handle)
+            self._actors.remove(actor)
+            failure = ended.get(actor.running)
+            if failure is not None and actor.retired_at is None:
+                self._delay_retry(failure)
+
+    def _delay_retry(self, failure: str) -> None:
+        """Note a worker's failure: what fails at once when it is replaced must not be replaced for ever."""
+        now = time.monotonic()
+        shortest, longest = RETRY_SECONDS
+        self._failures = self._failures + 1 if now - self._retry_at < longest else 1
+        self._retry_at = now + min(longest, shortest * 2.0 ** (self._failures - 1))
+        log.warning("A worker failed and is replaced in %.0f s: %s", self._retry_at - now, failure)

@@ -1,0 +1,42 @@
+"""What Ray places and restarts: a process that runs one rollout worker."""
+
+import logging
+import os
+import socket
+import threading
+import uuid
+
+import psutil
+from taskschema.bus.worker_bus import WorkerBus
+
+from taskschema.bus.connection import connect
+from taskschema_worker.worker import Worker
+
+
+class RolloutActor:
+    """One worker in one process; trajectories go to Redis, nothing but its memory travels through Ray."""
+
+    def __init__(self, redis_url: str, run: str) -> None:
+        logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s %(levelname)s %(message)s")
+        self._redis_url = redis_url
+        self._run = run
+        self._stop = threading.Event()
+
+    def run(self) -> None:
+        """Run slots until told to stop; Ray calls it again after a restart.
+
+        Raises:
+            BusError: if Redis refuses, or the run is not there.
+
+        """
+        worker_id = f"{socket.gethostname()}-{os.getpid()}-{uuid.uuid4().hex[:6]}"
+        bus = WorkerBus(connect(self._redis_url), self._run, worker_id)
+        Worker(bus).run(self._stop)
+
+    def stop(self) -> None:
+        """Let the worker finish its slots and leave."""
+        self._stop.set()
+
+    def memory(self) -> int:
+        """Return the memory that is this process's own [bytes]."""
+        return int(psutil.Process().memory_full_info().uss)
