@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskschema.arrays import Float32Array, FloatArray
+from taskschema.bus.records import PublishedPolicy
 from taskschema.config import RunConfig
 from taskschema.errors import UnknownNameError
 from taskschema.observation import ObservationLayout
@@ -18,7 +19,6 @@ from taskschema.tasks import Task
 from taskschema.tasks.registry import task_of
 from taskschema_learner.api.models import ActAnswer, ActRequest, ArgumentValue, SkillCall
 from taskschema_learner.api.problems import ConflictError, RequestError
-from taskschema_learner.api.source import PublishedPolicy
 
 MAX_RUNS = 16
 """Runs whose decoded policies are kept."""

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import msgspec
 
+from taskschema.bus.records import FIRST_EVENT, PublishedPolicy, Request
 from taskschema.bus.run_status import RunStatus
 from taskschema.bus.worker_info import WorkerInfo
 from taskschema.config import RunConfig
@@ -13,7 +14,6 @@ from taskschema.errors import RunFolderError, UnknownNameError, WireError
 from taskschema.metrics import RoundMetrics
 from taskschema.policies import PolicySnapshot
 from taskschema_learner.api.problems import ConflictError, NotFoundError
-from taskschema_learner.api.source import FIRST_EVENT, PublishedPolicy, Request, RoundEvent
 from taskschema_learner.run_folder import RunFolder
 
 _FINISHED = "This run is finished: continue it with `taskschema train --resume`."
@@ -97,11 +97,11 @@ class FolderSource:
         latest = self.latest(run)
         return FIRST_EVENT if latest is None else f"{latest.policy_version}-0"
 
-    def events(self, run: str, after: str) -> Sequence[RoundEvent]:
+    def events(self, run: str, after: str) -> Sequence[tuple[str, RoundMetrics]]:
         """Return the rounds after a place."""
         version = int(after.partition("-")[0])
         rows = self.curve(run, since=version)
-        return [RoundEvent(f"{row.policy_version}-0", row) for row in rows if row.policy_version > version]
+        return [(f"{row.policy_version}-0", row) for row in rows if row.policy_version > version]
 
     def workers(self, run: str) -> Sequence[WorkerInfo]:
         """Return no workers."""

@@ -1,40 +1,13 @@
 """What the API needs to know about runs, wherever they are kept."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Protocol
 
+from taskschema.bus.records import PublishedPolicy, Request
 from taskschema.bus.run_status import RunStatus
 from taskschema.bus.worker_info import WorkerInfo
 from taskschema.config import RunConfig
 from taskschema.metrics import RoundMetrics
-
-Request = Literal["pause", "resume", "stop"]
-"""What a run can be asked to do."""
-
-
-@dataclass(frozen=True)
-class PublishedPolicy:
-    """The newest policy of a run."""
-
-    version: int
-    sha256: str
-    """`PolicySnapshot.sha256`."""
-    data: bytes
-    """safetensors."""
-
-
-@dataclass(frozen=True)
-class RoundEvent:
-    """A round that was published."""
-
-    id: str
-    """Place in the run's stream of rounds: `NUMBER-NUMBER`."""
-    metrics: RoundMetrics
-
-
-FIRST_EVENT = "0-0"
-"""The place before every event."""
 
 
 class RunSource(Protocol):
@@ -79,8 +52,11 @@ class RunSource(Protocol):
     def last_event(self, run: str) -> str:
         """Return the place of the newest event, `FIRST_EVENT` if there is none."""
 
-    def events(self, run: str, after: str) -> Sequence[RoundEvent]:
-        """Return what was published after a place; does not wait."""
+    def events(self, run: str, after: str) -> Sequence[tuple[str, RoundMetrics]]:
+        """Return (place, row) of the rounds published after a place; does not wait.
+
+        A place is `NUMBER-NUMBER`, `FIRST_EVENT` the one before every round.
+        """
 
     def workers(self, run: str) -> Sequence[WorkerInfo]:
         """Return the workers that are alive."""

@@ -8,10 +8,11 @@ from typing import Annotated
 from fastapi import Depends, Query, Request
 from starlette.concurrency import run_in_threadpool
 
+from taskschema.bus.records import PublishedPolicy
 from taskschema_learner.api.acting import Actors
 from taskschema_learner.api.problems import NotFoundError, RequestError
 from taskschema_learner.api.recent import Recent
-from taskschema_learner.api.source import PublishedPolicy, RunSource
+from taskschema_learner.api.source import RunSource
 
 MAX_AGE = 0.05
 """Age up to which schema and policy are answered from memory [s]."""

@@ -3,9 +3,9 @@
 from fastapi import APIRouter
 from starlette.concurrency import run_in_threadpool
 
+from taskschema.bus.records import PublishedPolicy
 from taskschema_learner.api.models import ActAnswer, ActRequest
 from taskschema_learner.api.routes.answers import CONFLICT, UNKNOWN
-from taskschema_learner.api.source import PublishedPolicy
 from taskschema_learner.api.state import ApiState, RunName, State
 
 router = APIRouter(tags=["policy"])

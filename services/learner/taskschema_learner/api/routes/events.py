@@ -9,11 +9,13 @@ from fastapi import APIRouter, Depends, Header, Query
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from starlette.concurrency import run_in_threadpool
 
+from taskschema.bus.records import FIRST_EVENT
 from taskschema.bus.run_status import RunStatus
 from taskschema.errors import TaskschemaError
+from taskschema.metrics import RoundMetrics
 from taskschema_learner.api.problems import BusyError
 from taskschema_learner.api.routes.answers import UNKNOWN
-from taskschema_learner.api.source import FIRST_EVENT, RoundEvent, RunSource
+from taskschema_learner.api.source import RunSource
 from taskschema_learner.api.state import RunName, State
 
 router = APIRouter(tags=["events"])
@@ -27,7 +29,7 @@ EventId = Annotated[
     str | None,
     Header(
         alias="Last-Event-ID",
-        pattern=r"^[0-9]{1,20}-[0-9]{1,20}$",
+        pattern=r"^[0-9]{1,15}-[0-9]{1,15}$",
         description="The last event received: the stream goes on after it.",
     ),
 ]
@@ -70,16 +72,16 @@ async def _follow(state: State, run: str, after: str) -> AsyncIterator[ServerSen
     shown = ""
     while not state.closing():
         status, rounds = await run_in_threadpool(_news, state.source, run, after)
-        for event in rounds:
-            after = event.id
-            yield ServerSentEvent(event="round", id=event.id, raw_data=_json(event.metrics))
+        for place, row in rounds:
+            after = place
+            yield ServerSentEvent(event="round", id=place, raw_data=_json(row))
         if status.state != shown:
             shown = status.state
             yield ServerSentEvent(event="status", raw_data=_json(status))
         await asyncio.sleep(INTERVAL)
 
 
-def _news(source: RunSource, run: str, after: str) -> tuple[RunStatus, list[RoundEvent]]:
+def _news(source: RunSource, run: str, after: str) -> tuple[RunStatus, list[tuple[str, RoundMetrics]]]:
     # The status is read first: when it says "finished", the last round is among the events.
     status = source.status(run)
     return status, list(source.events(run, after))

@@ -3,11 +3,13 @@
 from fastapi import APIRouter, Request, Response
 from starlette.concurrency import run_in_threadpool
 
+from taskschema.arrays import AnyArray
+from taskschema.bus.records import PublishedPolicy
 from taskschema.policies import PolicySnapshot
 from taskschema.tasks.registry import task_of
 from taskschema_learner.api.models import ArgumentAnswer, FieldAnswer, PolicyMeta, TensorAnswer
 from taskschema_learner.api.routes.answers import NOT_MODIFIED, UNKNOWN, Responses, tagged
-from taskschema_learner.api.source import PublishedPolicy, RunSource
+from taskschema_learner.api.source import RunSource
 from taskschema_learner.api.state import RunName, State
 
 router = APIRouter(tags=["policy"])
@@ -50,7 +52,7 @@ def describe(source: RunSource, run: str, newest: PublishedPolicy) -> PolicyMeta
     task = task_of(config)
     arguments = zip(task.pairs.argument_names, task.pairs.arguments, strict=True)
     snapshot = PolicySnapshot.from_bytes(newest.data)
-    tensors = {**snapshot.weights, "schema.logits": snapshot.logits}
+    tensors: dict[str, AnyArray] = {**snapshot.weights, "schema.logits": snapshot.logits}
     return PolicyMeta(
         run=run,
         task=task.name,

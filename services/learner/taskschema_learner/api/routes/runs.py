@@ -5,6 +5,7 @@ from typing import Annotated, Any
 import msgspec
 from fastapi import APIRouter, Query, Response
 
+from taskschema.bus.records import Request
 from taskschema_learner.api.models import (
     LARGEST_INTEGER,
     Curve,
@@ -14,7 +15,7 @@ from taskschema_learner.api.models import (
     RunSummary,
 )
 from taskschema_learner.api.routes.answers import CONFLICT, TOKEN, UNKNOWN
-from taskschema_learner.api.source import Request, RunSource
+from taskschema_learner.api.source import RunSource
 from taskschema_learner.api.state import State
 
 router = APIRouter(prefix="/runs", tags=["runs"])
