@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -14,8 +15,29 @@ from taskschema.policies.network import LOG_STD_RANGE
 TRUNK_GAIN = math.sqrt(2.0)
 ACTOR_GAIN = 0.01
 """Initial gain of the actor's heads (Stable Baselines): every state starts with nearly the same actions."""
-VALUE_GAIN = 0.01
-"""Initial gain of the critic's head: nearly no return is expected at first (see docs/paper.md)."""
+
+
+class _Bounded(torch.autograd.Function):
+    """Clamping whose gradient vanishes only where it pushes further out.
+
+    The entropy bonus then cannot drive a bounded value away behind its bound, from where nothing would
+    bring it back.
+    """
+
+    @staticmethod
+    def forward(ctx: Any, values: torch.Tensor, low: float, high: float) -> torch.Tensor:  # noqa: ANN401
+        """Return values limited to [low, high]."""
+        ctx.save_for_backward(values)
+        ctx.bounds = (low, high)
+        return values.clamp(low, high)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: torch.Tensor) -> tuple[torch.Tensor, None, None]:  # noqa: ANN401
+        """Return the gradient, 0 where descending it would leave the bounds."""
+        (values,) = ctx.saved_tensors
+        low, high = ctx.bounds
+        outward = ((values >= high) & (gradients[0] < 0)) | ((values <= low) & (gradients[0] > 0))
+        return gradients[0].masked_fill(outward, 0.0), None, None
 
 
 @dataclass(frozen=True)
@@ -89,7 +111,7 @@ class ArgumentNetwork(nn.Module):
         outputs = self.heads(hidden).split(list(self._heads.values()), dim=1)
         return Evaluation(
             mean=outputs[0],
-            log_std=outputs[1].clamp(*LOG_STD_RANGE),
+            log_std=_Bounded.apply(outputs[1], *LOG_STD_RANGE),
             value=outputs[2][:, 0],
             pair_logits=outputs[3] if len(outputs) > 3 else None,
         )
@@ -129,19 +151,24 @@ def initial_weights(
 ) -> dict[str, Float32Array]:
     """Return a network's first weights: orthogonal, biases zero, as in Stable Baselines.
 
-    The bias of the log standard deviation is `config.initial_log_std`. Arguments as in `ArgumentNetwork`.
+    Two things differ (see docs/paper.md). The bias of the log standard deviation is `config.initial_log_std`.
+    The critic's head is zero: no return is expected before there was one, so until the first success all
+    advantages are exactly 0 and the policy does not follow the noise of random values.
+
+    Arguments as in `ArgumentNetwork`.
     """
     sizes = [inputs, *config.hidden]
     shapes = {f"trunk.{n}": (sizes[n + 1], sizes[n], TRUNK_GAIN) for n in range(len(config.hidden))}
     shapes["mean"] = (arguments, sizes[-1], ACTOR_GAIN)
     shapes["log_std"] = (arguments, sizes[-1], ACTOR_GAIN)
-    shapes["value"] = (1, sizes[-1], VALUE_GAIN)
     if pairs:
         shapes["pair"] = (pairs, sizes[-1], ACTOR_GAIN)
     weights: dict[str, Float32Array] = {}
     for name, (rows, columns, gain) in shapes.items():
         weights[f"{name}.weight"] = (gain * _orthogonal(rng, rows, columns)).astype(np.float32)
         weights[f"{name}.bias"] = np.zeros(rows, dtype=np.float32)
+    weights["value.weight"] = np.zeros((1, sizes[-1]), dtype=np.float32)
+    weights["value.bias"] = np.zeros(1, dtype=np.float32)
     weights["log_std.bias"] += np.float32(config.initial_log_std)
     return weights
 

@@ -6,8 +6,12 @@ import numpy as np
 
 from taskschema.arrays import Float32Array
 
-LOG_STD_RANGE = (-4.0, 1.0)
-"""Log standard deviations are clipped to this range [normalised units]."""
+LOG_STD_RANGE = (-4.0, -0.5)
+"""Log standard deviations are clipped to this range [normalised units].
+
+At the upper end, 0.61, a Gaussian spreads about as far as the search space [-1, 1] itself. Without it the
+entropy bonus widens the distribution until most samples are clipped at the ends (docs/paper.md).
+"""
 
 
 @dataclass(frozen=True)
