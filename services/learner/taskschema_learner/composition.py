@@ -1,0 +1,163 @@
+"""The composition root of a training: starts what it needs, runs the loop, and stops everything again."""
+
+import logging
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+
+from taskschema.bus.worker_bus import WorkerBus
+
+from taskschema.bus.connection import connect
+from taskschema.bus.learner_bus import LearnerBus
+from taskschema.bus.records import RunRecords
+from taskschema.config import RunConfig
+from taskschema.errors import ConfigError, RunFolderError
+from taskschema.tasks.registry import task_of
+from taskschema_learner.api.process import ApiProcess
+from taskschema_learner.embedded_redis import EmbeddedRedis
+from taskschema_learner.learner import Learner
+from taskschema_learner.progress import Limits
+from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.summaries import SummaryWriter
+from taskschema_learner.training import Parts, Stopped, TrainingContext, TrainingObserver, train
+from taskschema_learner.worker_pool import WorkerPool
+
+log = logging.getLogger("taskschema.learner")
+
+
+@dataclass(frozen=True)
+class TrainOptions:
+    """What `taskschema train` was asked to do."""
+
+    config: RunConfig
+    run_dir: Path
+    """The run's folder; its name is the run's."""
+    resume: bool = False
+    workers: int | None = None
+    """Rollout actors: None: as many as there is capacity; 0: in this process, without Ray."""
+    limits: Limits = Limits()
+    redis: str | None = None
+    """URL of a Redis to use; None: an embedded one inside the run's folder."""
+    ray: str | None = None
+    """Address of a Ray cluster to use; None: a local one."""
+    api: str | None = "127.0.0.1:8420"
+    """HOST:PORT of the HTTP API; None: no API."""
+    device: str = "cpu"
+    """torch device of the learner."""
+
+
+def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
+    """Train and return whether the run is finished; False: it was stopped and can be resumed.
+
+    Raises:
+        TaskschemaError: for whatever the user can mend; nothing is then left running.
+    """
+    if options.ray is not None and options.redis is None:
+        raise ConfigError("--ray on a cluster needs --redis: its workers cannot reach the embedded Redis.")
+    stop = threading.Event()
+    with ExitStack() as stack:
+        stack.enter_context(_stopped_by_signals(stop))
+        folder = open_folder(options)
+        stack.enter_context(folder.locked())
+        url = options.redis or stack.enter_context(EmbeddedRedis(folder.path / "redis")).url
+        records = RunRecords(connect(url))
+        records.register_run(folder.name, folder.config)
+        records.clear_requests(folder.name)
+        api = stack.enter_context(ApiProcess(url, folder.name, options.api)) if options.api else None
+        records.set_api(folder.name, api.url if api else None)
+        task = task_of(folder.config)
+        learner = Learner(folder.config, task, device=options.device)
+        bus = LearnerBus(connect(url), folder.name, folder.config)
+        bus.acquire()
+        run_inline, workers = _start_workers(stack, options, url, folder.name)
+        parts = Parts(
+            task=task,
+            folder=folder,
+            learner=learner,
+            bus=bus,
+            records=records,
+            observer=observer,
+            summaries=stack.enter_context(
+                SummaryWriter(folder.path / "tensorboard", rounds_done=len(folder.read_metrics()))
+            ),
+            run_inline=run_inline,
+        )
+        context = TrainingContext(folder.path, task, options.limits, workers, api.url if api else None)
+        return _train_to_the_end(parts, options.limits, context, stop)
+
+
+def _train_to_the_end(parts: Parts, limits: Limits, context: TrainingContext, stop: threading.Event) -> bool:
+    try:
+        reason = train(parts, limits, context, stop)
+    except Stopped:
+        parts.bus.set_state("stopped")
+        parts.observer.on_finish("it was asked to stop", finished=False)
+        return False
+    except Exception:
+        parts.bus.set_state("failed")
+        raise
+    parts.bus.set_state("finished", reason)
+    parts.observer.on_finish(reason, finished=True)
+    return True
+
+
+def open_folder(options: TrainOptions) -> RunFolder:
+    """Create the run's folder, or open it to resume.
+
+    Raises:
+        RunFolderError: if it is not there to resume, is there already, or belongs to another config.
+    """
+    if not options.resume:
+        return RunFolder.create(options.run_dir, options.config)
+    folder = RunFolder.open(options.run_dir)
+    if folder.config != options.config:
+        raise RunFolderError(
+            f"{options.run_dir} belongs to a run of another config ({_difference(folder.config, options.config)}): "
+            "resume it with the options it was started with, or choose another --run-dir."
+        )
+    return folder
+
+
+def _difference(old: RunConfig, new: RunConfig) -> str:
+    fields = [name for name in old.__struct_fields__ if getattr(old, name) != getattr(new, name)]
+    return ", ".join(f"{name}: there {getattr(old, name)!r}, here {getattr(new, name)!r}" for name in fields)
+
+
+def _start_workers(
+    stack: ExitStack, options: TrainOptions, url: str, run: str
+) -> tuple[Callable[[], object] | None, int]:
+    """Start rollout actors, or a worker in this process; return what runs it inline and how many there are."""
+    if options.workers == 0:
+        from taskschema_worker.worker import Worker
+
+        bus = stack.enter_context(WorkerBus(url, run, f"inline-{os.getpid()}"))
+        worker = Worker(bus, threads=os.cpu_count() or 1)
+        stack.callback(worker.close)
+        return lambda: worker.run_once(block_ms=1), 0
+    pool = stack.enter_context(WorkerPool(url, run, target=options.workers, address=options.ray))
+    return None, pool.size
+
+
+@contextmanager
+def _stopped_by_signals(stop: threading.Event) -> Iterator[None]:
+    """Let SIGINT and SIGTERM ask for a clean stop; a second SIGINT interrupts at once."""
+
+    def request(number: int, frame: FrameType | None) -> None:
+        if stop.is_set() and number == signal.SIGINT:
+            raise KeyboardInterrupt
+        stop.set()
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.signal(number, request) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,181 @@
+"""The training loop: collect a round, learn from it, make it durable, tell the world (design, section 4)."""
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from taskschema.bus.learner_bus import LearnerBus
+from taskschema.bus.records import RunRecords
+from taskschema.metrics import RoundMetrics
+from taskschema.schema import SchemaView, entropy, softmax
+from taskschema.tasks.task import Task
+from taskschema.trajectory import Trajectory
+from taskschema_learner.learner import Learner, UpdateStatistics
+from taskschema_learner.progress import Limits, Progress
+from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.run_state import restore_run, save_run
+from taskschema_learner.summaries import SummaryWriter
+
+
+@dataclass(frozen=True)
+class TrainingContext:
+    """What an observer may want to show about a training as a whole."""
+
+    folder: Path
+    task: Task
+    limits: Limits
+    workers: int
+    """Rollout actors; 0: in this process."""
+    api_url: str | None
+
+
+class TrainingObserver(Protocol):
+    """Somebody who watches a training, such as the terminal."""
+
+    def on_start(self, context: TrainingContext, rounds_done: int, progress: Progress) -> None:
+        """Training starts, or goes on after `rounds_done` rounds."""
+
+    def on_collecting(self, slots_done: int, slots: int) -> None:
+        """Some slots of the current round came in."""
+
+    def on_round(self, metrics: RoundMetrics, schema: SchemaView, used_steps: int | None) -> None:
+        """A round is done and durable."""
+
+    def on_finish(self, reason: str, finished: bool) -> None:
+        """Training ended: for good if `finished`, else it can be resumed."""
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What the loop works with."""
+
+    task: Task
+    folder: RunFolder
+    learner: Learner
+    bus: LearnerBus
+    records: RunRecords
+    observer: TrainingObserver
+    summaries: SummaryWriter
+    run_inline: Callable[[], object] | None
+    """Runs the open slots in this process (`--workers 0`); None: workers elsewhere do."""
+
+
+class Stopped(Exception):
+    """Training was asked to stop between or within rounds; the run can be resumed."""
+
+
+def train(parts: Parts, limits: Limits, context: TrainingContext, stop: threading.Event) -> str:
+    """Train until a limit is reached and return which.
+
+    Raises:
+        Stopped: if it was asked to stop before.
+    """
+    progress = restore_run(parts.folder, parts.learner)
+    parts.bus.restore_curve(parts.folder.read_metrics())
+    parts.observer.on_start(context, parts.learner.version, progress)
+    while (reason := limits.reached(progress, parts.learner.version)) is None:
+        wait_while_paused(parts, stop)
+        round_index = parts.learner.version
+        started = time.monotonic()
+        parts.bus.open_round(round_index, parts.learner.snapshot(), range(parts.folder.config.slots))
+        trajectories = collect_round(parts, stop)
+        collected = time.monotonic()
+        statistics = parts.learner.update(trajectories)
+        updated = time.monotonic()
+        progress = progress.after(trajectories)
+        metrics = measure(parts, trajectories, statistics, progress, collected - started, updated - collected)
+        parts.bus.verify_token()
+        metrics = save_run(parts.folder, parts.learner, parts.bus.token, progress, metrics)
+        publish(parts, metrics)
+        parts.bus.trim(round_index)
+        parts.observer.on_round(metrics, schema_view(parts), parts.learner.used_steps)
+    return reason
+
+
+def collect_round(parts: Parts, stop: threading.Event) -> list[Trajectory]:
+    """Wait for every slot of the open round and return its trajectories, sorted by slot and episode."""
+    slots = parts.folder.config.slots
+    results: dict[int, list[Trajectory]] = {}
+    while len(results) < slots:
+        if stop.is_set() or parts.records.stop_requested(parts.folder.name):
+            raise Stopped
+        if parts.run_inline is not None:
+            parts.run_inline()
+        for result in parts.bus.results(timeout=0.25):
+            results[result.slot] = result.trajectories
+            parts.observer.on_collecting(len(results), slots)
+    return [trajectory for slot in sorted(results) for trajectory in results[slot]]
+
+
+def wait_while_paused(parts: Parts, stop: threading.Event) -> None:
+    """Return when the run is not paused."""
+    records, run = parts.records, parts.folder.name
+    if not records.pause_requested(run):
+        return
+    parts.bus.set_state("paused")
+    while records.pause_requested(run):
+        if stop.wait(0.25) or records.stop_requested(run):
+            raise Stopped
+    parts.bus.set_state("running")
+
+
+def measure(
+    parts: Parts,
+    trajectories: list[Trajectory],
+    statistics: UpdateStatistics,
+    progress: Progress,
+    seconds_collect: float,
+    seconds_update: float,
+) -> RoundMetrics:
+    """Return the facts about a round."""
+    logits = parts.learner.logits
+    return RoundMetrics(
+        round=parts.learner.version - 1,
+        policy_version=parts.learner.version,
+        episodes=progress.episodes,
+        steps=progress.steps,
+        physics_steps=sum(item.physics_steps for item in trajectories),
+        diverged=sum(item.diverged for item in trajectories),
+        quarantined=parts.bus.quarantined,
+        success_rate=float(np.mean([item.success for item in trajectories])),
+        success_last_100=progress.success_last_100,
+        schema_entropy=tuple(entropy(logits).tolist()),
+        schema_probability=tuple(softmax(logits).max(axis=-1).tolist()),
+        policy_loss=statistics.policy_loss,
+        value_loss=statistics.value_loss,
+        argument_entropy=statistics.argument_entropy,
+        approximate_kl=statistics.approximate_kl,
+        clip_fraction=statistics.clip_fraction,
+        gradient_norm=statistics.gradient_norm,
+        seconds_collect=seconds_collect,
+        seconds_update=seconds_update,
+        seconds_checkpoint=0.0,
+        sha256=parts.learner.snapshot().sha256,
+    )
+
+
+def publish(parts: Parts, metrics: RoundMetrics) -> None:
+    """Show the new schema, policy and metrics to everybody: API, folder, TensorBoard."""
+    document = schema_view(parts).document(
+        run=parts.folder.name,
+        task=parts.task.name,
+        version=parts.learner.version,
+        used_steps=parts.learner.used_steps,
+        updated_at=datetime.now(UTC).isoformat(timespec="seconds"),
+    )
+    snapshot = parts.learner.snapshot()
+    parts.folder.write_schema(document)
+    parts.folder.write_policy(snapshot.to_bytes())
+    parts.bus.publish_update(snapshot, document, metrics)
+    parts.summaries.write(metrics)
+
+
+def schema_view(parts: Parts) -> SchemaView:
+    """Return the current logits with the pairs that they are about."""
+    return SchemaView(parts.task.pairs, parts.learner.logits)
