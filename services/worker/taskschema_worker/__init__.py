@@ -1,15 +1,17 @@
 """Rollout workers: scenes, simulation, gymnasium environments and the rollout loop.
 
-Importing this package registers every task with gymnasium, and imports no simulator.
+Importing this package registers every task with gymnasium where that is installed, and imports no simulator.
 """
 
-import gymnasium
+from importlib.util import find_spec
 
 from taskschema.tasks.registry import task_names
 
 
 def _register_environments() -> None:
     """Register `taskschema/LateralLifting-v0` and so on, one for every task."""
+    import gymnasium
+
     for name in task_names():
         title = "".join(word.capitalize() for word in name.split("-"))
         gymnasium.register(
@@ -20,4 +22,5 @@ def _register_environments() -> None:
         )
 
 
-_register_environments()
+if find_spec("gymnasium") is not None:  # workers do without
+    _register_environments()
