@@ -24,7 +24,7 @@ from taskschema_learner.learner import Learner
 from taskschema_learner.progress import Limits
 from taskschema_learner.run_folder import RunFolder
 from taskschema_learner.summaries import SummaryWriter
-from taskschema_learner.training import Parts, Stopped, TrainingContext, TrainingObserver, train
+from taskschema_learner.training import Parts, TrainingStoppedError, TrainingContext, TrainingObserver, train
 from taskschema_learner.worker_pool import WorkerPool
 
 log = logging.getLogger("taskschema.learner")
@@ -94,7 +94,7 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
 def _train_to_the_end(parts: Parts, limits: Limits, context: TrainingContext, stop: threading.Event) -> bool:
     try:
         reason = train(parts, limits, context, stop)
-    except Stopped:
+    except TrainingStoppedError:
         parts.bus.set_state("stopped")
         parts.observer.on_finish("it was asked to stop", finished=False)
         return False
@@ -116,8 +116,9 @@ def open_folder(options: TrainOptions) -> RunFolder:
         return RunFolder.create(options.run_dir, options.config)
     folder = RunFolder.open(options.run_dir)
     if folder.config != options.config:
+        difference = _difference(folder.config, options.config)
         raise RunFolderError(
-            f"{options.run_dir} belongs to a run of another config ({_difference(folder.config, options.config)}): "
+            f"{options.run_dir} belongs to a run of another config ({difference}): "
             "resume it with the options it was started with, or choose another --run-dir."
         )
     return folder
@@ -131,7 +132,7 @@ def _difference(old: RunConfig, new: RunConfig) -> str:
 def _start_workers(
     stack: ExitStack, options: TrainOptions, url: str, run: str
 ) -> tuple[Callable[[], object] | None, int]:
-    """Start rollout actors, or a worker in this process; return what runs it inline and how many there are."""
+    """Start rollout actors, or a worker here; return what runs it inline and how many there are."""
     if options.workers == 0:
         from taskschema_worker.worker import Worker
 

@@ -66,7 +66,7 @@ class Parts:
     """Runs the open slots in this process (`--workers 0`); None: workers elsewhere do."""
 
 
-class Stopped(Exception):
+class TrainingStoppedError(Exception):
     """Training was asked to stop between or within rounds; the run can be resumed."""
 
 
@@ -74,7 +74,7 @@ def train(parts: Parts, limits: Limits, context: TrainingContext, stop: threadin
     """Train until a limit is reached and return which.
 
     Raises:
-        Stopped: if it was asked to stop before.
+        TrainingStoppedError: if it was asked to stop before.
     """
     progress = restore_run(parts.folder, parts.learner)
     parts.bus.restore_curve(parts.folder.read_metrics())
@@ -104,7 +104,7 @@ def collect_round(parts: Parts, stop: threading.Event) -> list[Trajectory]:
     results: dict[int, list[Trajectory]] = {}
     while len(results) < slots:
         if stop.is_set() or parts.records.stop_requested(parts.folder.name):
-            raise Stopped
+            raise TrainingStoppedError
         if parts.run_inline is not None:
             parts.run_inline()
         for result in parts.bus.results(timeout=0.25):
@@ -121,7 +121,7 @@ def wait_while_paused(parts: Parts, stop: threading.Event) -> None:
     parts.bus.set_state("paused")
     while records.pause_requested(run):
         if stop.wait(0.25) or records.stop_requested(run):
-            raise Stopped
+            raise TrainingStoppedError
     parts.bus.set_state("running")
 
 
