@@ -1,0 +1,100 @@
+"""The torch network is the twin of the numpy one, and starts as documented."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from taskschema.config import NetworkConfig
+from taskschema.policies.network import LOG_STD_RANGE, forward
+from taskschema_learner.networks import ArgumentNetwork, initial_weights
+
+
+def make(seed: int, inputs: int = 9, arguments: int = 6, pairs: int = 0) -> ArgumentNetwork:
+    config = NetworkConfig()
+    network = ArgumentNetwork(inputs, config.hidden, arguments, pairs)
+    network.load(initial_weights(np.random.default_rng(seed), inputs, config, arguments, pairs))
+    return network
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 2**32), pairs=st.sampled_from([0, 9]), batch=st.integers(1, 40))
+def test_torch_and_numpy_forward_agree(seed: int, pairs: int, batch: int) -> None:
+    network = make(seed, pairs=pairs)
+    rng = np.random.default_rng(seed)
+    weights = {
+        name: array + rng.normal(0, 0.1, array.shape).astype(np.float32)
+        for name, array in network.weights().items()
+    }
+    network.load(weights)
+    inputs = rng.normal(0, 2, (batch, 9)).astype(np.float32)
+    with torch.no_grad():
+        ours = network(torch.from_numpy(inputs))
+    theirs = forward(weights, inputs)
+    for name in ("mean", "log_std", "value") + (("pair_logits",) if pairs else ()):
+        np.testing.assert_allclose(getattr(ours, name).numpy(), getattr(theirs, name), atol=1e-5, rtol=1e-5)
+    assert (ours.pair_logits is None) == (theirs.pair_logits is None) == (pairs == 0)
+
+
+def test_weights_travel_by_name() -> None:
+    network = make(3, pairs=4)
+    weights = network.weights()
+    assert weights["trunk.0.weight"].shape == (64, 9)
+    assert weights["trunk.3.weight"].shape == (64, 64)
+    assert weights["mean.weight"].shape == weights["log_std.weight"].shape == (6, 64)
+    assert weights["value.weight"].shape == (1, 64)
+    assert weights["pair.weight"].shape == (4, 64)
+    assert all(array.dtype == np.float32 for array in weights.values())
+    other = ArgumentNetwork(9, (64, 64, 64, 64), 6, 4)
+    other.load(weights)
+    assert all(np.array_equal(array, weights[name]) for name, array in other.weights().items())
+
+
+def test_load_refuses_another_networks_weights() -> None:
+    with pytest.raises(ValueError, match="not of this network"):
+        make(0).load(make(0, pairs=4).weights())
+
+
+def test_exported_weights_are_copies() -> None:
+    network = make(0)
+    network.weights()["mean.bias"][:] = 7.0
+    assert not network.weights()["mean.bias"].any()
+
+
+def test_first_weights_are_orthogonal_with_stable_baselines_gains() -> None:
+    weights = initial_weights(np.random.default_rng(1), 9, NetworkConfig(initial_log_std=-0.7), 6, 4)
+    square = weights["trunk.1.weight"]
+    np.testing.assert_allclose(square @ square.T, 2.0 * np.eye(64), atol=1e-5)  # gain sqrt 2
+    tall = weights["trunk.0.weight"]
+    np.testing.assert_allclose(tall.T @ tall, 2.0 * np.eye(9), atol=1e-5)
+    for head in ("mean", "log_std", "pair"):
+        wide = weights[f"{head}.weight"]
+        np.testing.assert_allclose(wide @ wide.T, 1e-4 * np.eye(len(wide)), atol=1e-8)  # gain 0.01
+    assert not weights["value.weight"].any()
+    np.testing.assert_allclose(weights["log_std.bias"], -0.7)
+
+
+def test_parameters_and_gradients_are_views_of_the_flat_vectors() -> None:
+    network = make(5)
+    output = network(torch.ones(3, 9))
+    (output.mean.sum() + output.value.sum()).backward()
+    together = torch.cat([parameter.grad.reshape(-1) for parameter in network.parameters()])
+    assert together.abs().sum() > 0
+    assert torch.equal(network.flat[0].grad, together)
+    network.flat[0].data.zero_()
+    assert all(not array.any() for array in network.weights().values())
+
+
+def test_log_std_is_bounded_and_its_gradient_stops_only_outwards() -> None:
+    network = make(5)
+    low, high = LOG_STD_RANGE
+    for bias, bound, inwards in ((high + 3.0, high, 1.0), (low - 3.0, low, -1.0)):
+        network.load({**network.weights(), "log_std.bias": np.full(6, bias, dtype=np.float32)})
+        for sign in (inwards, -inwards):  # descending `sign * log_std` moves it by -sign
+            network.flat[0].grad.zero_()
+            log_std = network(torch.ones(2, 9)).log_std
+            assert torch.allclose(log_std, torch.tensor(bound))
+            (sign * log_std).sum().backward()
+            moves = bool(network.heads.bias.grad[6:12].any())
+            assert moves == (sign == inwards)
