@@ -33,6 +33,11 @@ class SchemaMismatchError(TaskschemaError):
 class WireError(TaskschemaError):
     """A message from another process that fails its check; the message is the reason."""
 
+    def __init__(self, reason: str, kind: str = "malformed") -> None:
+        super().__init__(reason)
+        self.kind = kind
+        """One of few words, for counting."""
+
 
 class RunFolderError(TaskschemaError):
     """A run folder that is missing, locked, corrupt, or of another format version or config."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from taskschema.arrays import AnyArray, Float32Array, IntArray
 from taskschema.errors import WireError
+from taskschema.tasks.task import Task
 
 MAX_MESSAGE_BYTES = 16 * 1024 * 1024
 """No trajectory message is larger: 3 frames of 256 x 256 x 3 bytes and 4 episodes fit many times over."""
@@ -85,7 +86,7 @@ def _unpack(packed: _Array, name: str, dtype: str, shape: tuple[int | None, ...]
         raise WireError(f"{name}: {len(packed.data)} bytes do not make shape {packed.shape[:8]}")
     array = np.frombuffer(packed.data, dtype=dtype).reshape(packed.shape)
     if array.dtype.kind == "f" and not np.isfinite(array).all():
-        raise WireError(f"{name}: not finite")
+        raise WireError(f"{name}: not finite", kind="not_finite")
     return array
 
 
@@ -99,6 +100,18 @@ class TrajectoryFormat:
     observation_shape: tuple[int, ...]
     observation_dtype: str
     episodes_per_slot: int
+
+    @classmethod
+    def of(cls, task: Task, episodes_per_slot: int) -> "TrajectoryFormat":
+        """Return the format of a task's trajectories on state observations."""
+        return cls(
+            horizon=task.horizon,
+            pair_count=len(task.pairs),
+            argument_count=task.pairs.argument_count,
+            observation_shape=(task.observation.size,),
+            observation_dtype="<f4",
+            episodes_per_slot=episodes_per_slot,
+        )
 
 
 def encode_slot(trajectories: list[Trajectory]) -> bytes:
@@ -131,7 +144,7 @@ def decode_slot(data: bytes, expected: TrajectoryFormat) -> list[Trajectory]:
         WireError: if anything about the message is not as `expected`; its text is the reason.
     """
     if len(data) > MAX_MESSAGE_BYTES:
-        raise WireError(f"message of {len(data)} bytes is larger than {MAX_MESSAGE_BYTES}")
+        raise WireError(f"{len(data)} bytes are more than {MAX_MESSAGE_BYTES}", kind="oversized")
     try:
         message = _DECODER.decode(data)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:

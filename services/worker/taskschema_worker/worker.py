@@ -1,0 +1,85 @@
+"""A rollout worker: leases slots, runs them on the policy they ask for, delivers them."""
+
+import logging
+import threading
+
+from taskschema.bus.lease import Lease
+from taskschema.bus.worker_bus import WorkerBus
+from taskschema.errors import BusError
+from taskschema.policies import Policy
+from taskschema.tasks.registry import task_of
+from taskschema.trajectory import Trajectory
+from taskschema_worker.environments import make_environment
+from taskschema_worker.rollout import collect_slots
+
+log = logging.getLogger("taskschema.worker")
+
+BLOCK_MS = 1_000
+"""An idle worker looks this often whether leases expired and whether it is to stop [ms]."""
+RETRY_SECONDS = 1.0
+"""Time before the next try when Redis does not answer [s]."""
+
+
+class Worker:
+    """Runs slots of the bus's run, until told to stop or, with `run_once`, one batch at a time.
+
+    Raises:
+        BusError: if Redis does not answer; UnknownNameError, if the run is not there.
+
+    """
+
+    def __init__(self, bus: WorkerBus, threads: int = 1) -> None:
+        self._bus = bus
+        self._config = bus.join()
+        self._task = task_of(self._config)
+        self._environment = make_environment(self._task, threads)
+        self._undelivered: list[tuple[Lease, list[Trajectory]]] = []
+
+    def run(self, stop: threading.Event) -> None:
+        """Run slots until `stop` is set; waits for a Redis that is away and then goes on.
+
+        Raises:
+            ConfigError: if the run was replaced by one of another config.
+
+        """
+        log.info("Worker %s serves a run of %s", self._bus.worker_id, self._task.name)
+        try:
+            while not stop.is_set():
+                try:
+                    self.run_once(BLOCK_MS)
+                except BusError as error:
+                    log.warning("%s Trying again.", error)
+                    stop.wait(RETRY_SECONDS)
+        finally:
+            self.close()
+
+    def run_once(self, block_ms: int) -> int:
+        """Lease slots, waiting up to `block_ms` [ms] for some; run and deliver them; return how many.
+
+        What could not be delivered because Redis was away is delivered first, next time.
+        """
+        self._bus.submit(self._undelivered)
+        leases = self._bus.lease(block_ms)
+        if not leases:
+            return 0
+        policy = Policy(self._bus.policy(leases[0]), self._task.pairs, self._task.observation)
+        trajectories = collect_slots(
+            self._environment,
+            policy,
+            seed=self._config.seed,
+            round_index=leases[0].item.round,
+            slots=[lease.item.slot for lease in leases],
+            episodes_per_slot=self._config.episodes_per_slot,
+            horizon=self._task.horizon,
+        )
+        self._undelivered = list(zip(leases, trajectories, strict=True))
+        self._bus.submit(self._undelivered)
+        return len(leases)
+
+    def close(self) -> None:
+        """Leave the run and free the environment."""
+        try:
+            self._bus.leave()
+        except BusError as error:
+            log.warning("%s The leases expire by themselves.", error)
+        self._environment.close()

@@ -1,0 +1,244 @@
+"""An agent's end of the bus: lease slots, fetch their policy, deliver their trajectories."""
+
+import math
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Any
+
+import msgspec
+import redis
+
+from taskschema.bus.admission import DATA, HEADER
+from taskschema.bus.connection import LONGEST_BLOCK_MS, bus_errors
+from taskschema.bus.heartbeat import Heartbeat
+from taskschema.bus.keys import GROUP, RunKeys
+from taskschema.bus.lease import Lease
+from taskschema.bus.messages import SlotHeader
+from taskschema.bus.records import RunRecords
+from taskschema.bus.work_stream import ITEM, ensure_group, read_item
+from taskschema.bus.worker_info import ALIVE_SECONDS, AgentKind
+from taskschema.config import PROTOCOL_VERSION, RunConfig
+from taskschema.errors import BusError, ConfigError
+from taskschema.policies import PolicySnapshot
+from taskschema.trajectory import Trajectory, encode_slot
+
+LEASE_SECONDS = 15.0
+"""A simulated worker that gave no sign of life for this long [s] loses its leases to another."""
+SLOTS_PER_TRANSACTION = 16
+"""Bounds the memory of one delivery."""
+
+
+class WorkerBus:
+    """Leases slots of one run to one agent. A context manager: joins the run and leaves it.
+
+    All methods raise BusError when Redis does not answer; the agent may then just try again.
+    """
+
+    def __init__(
+        self,
+        client: redis.Redis,
+        run: str,
+        worker_id: str,
+        *,
+        kind: AgentKind = "simulation",
+        lease_seconds: float = LEASE_SECONDS,
+    ) -> None:
+        self._client: Any = client  # redis-py types every answer as a union with its asyncio twin's
+        self._run = run
+        self._worker_id = worker_id
+        self._kind = kind
+        self._lease_ms = int(lease_seconds * 1000)
+        self._keys = RunKeys(run)
+        self._records = RunRecords(client)
+        self._config: RunConfig | None = None
+        self._heartbeat: Heartbeat | None = None
+        self._held: dict[bytes, Lease] = {}
+        self._snapshot: PolicySnapshot | None = None
+
+    def __enter__(self) -> "WorkerBus":
+        self.join()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.leave()
+
+    @property
+    def worker_id(self) -> str:
+        """The agent's name, unique within the run."""
+        return self._worker_id
+
+    @bus_errors()
+    def join(self) -> RunConfig:
+        """Say that the agent is there, and return the run's config; once joined, only the latter.
+
+        Raises:
+            UnknownNameError: if there is no such run.
+            ConfigError: if the run speaks another protocol, or is served by another kind of agent.
+
+        """
+        if self._config is None:
+            config = self._records.config(self._run)
+            self._compare(config)
+            ensure_group(self._client, self._keys)
+            heartbeat = Heartbeat(self._client, self._keys, self._worker_id, self._kind)
+            heartbeat.start()
+            self._heartbeat, self._config = heartbeat, config
+        return self._config
+
+    def _compare(self, config: RunConfig) -> None:
+        with self._client.pipeline(transaction=True) as pipe:
+            pipe.hmget(self._keys.config, "protocol", "hash")
+            pipe.set(self._keys.agent_kind, self._kind, nx=True)
+            pipe.get(self._keys.agent_kind)
+            (protocol, config_hash), _, kind = pipe.execute()
+        if int(protocol) != PROTOCOL_VERSION or config_hash.decode() != config.config_hash:
+            raise ConfigError(
+                f"Run {self._run!r} was started by another version of taskschema (protocol {int(protocol)}, "
+                f"here {PROTOCOL_VERSION}): install the same one here."
+            )
+        if kind.decode() != self._kind:
+            raise ConfigError(
+                f"Run {self._run!r} is served by {kind.decode()} agents, this is a {self._kind} one: "
+                "the two never share a run."
+            )
+
+    @bus_errors()
+    def leave(self) -> None:
+        """Hand back what is leased and go."""
+        if self._heartbeat is None:
+            return
+        heartbeat, self._heartbeat, self._config = self._heartbeat, None, None
+        held, self._held = self._held, {}
+        try:
+            with self._client.pipeline(transaction=True) as pipe:
+                for lease in held.values():
+                    pipe.xack(self._keys.work, GROUP, lease.entry_id)
+                    pipe.xdel(self._keys.work, lease.entry_id)
+                    pipe.xadd(self._keys.work, {ITEM: msgspec.json.encode(lease.item)})
+                pipe.xgroup_delconsumer(self._keys.work, GROUP, self._worker_id)
+                pipe.execute(raise_on_error=False)  # the stream goes when its run is deleted
+        finally:
+            heartbeat.stop()
+
+    @bus_errors()
+    def lease(self, block_ms: int) -> list[Lease]:
+        """Return slots to run, all with the same policy; waits up to `block_ms` [ms, at most 10 s].
+
+        Expired leases of others come first. No more than the agent's share, ceil(open slots / live agents),
+        so that all finish at about the same time.
+
+        Raises:
+            ConfigError: if the run was replaced by one of another config.
+
+        """
+        share = self._share()
+        entries = self._expired(share)
+        if not entries:
+            block = max(1, min(block_ms, LONGEST_BLOCK_MS))
+            entries = self._offered(share, block)
+        leases, worthless = self._sort(entries)
+        if worthless:
+            self._client.xack(self._keys.work, GROUP, *worthless)
+            self._client.xdel(self._keys.work, *worthless)
+        self._held.update({lease.entry_id: lease for lease in leases})
+        self._beating.hold([lease.entry_id for lease in leases])
+        return leases
+
+    @property
+    def _beating(self) -> Heartbeat:
+        if self._heartbeat is None:
+            raise BusError(f"Agent {self._worker_id!r} has not joined run {self._run!r}: join it first.")
+        return self._heartbeat
+
+    def _share(self) -> int:
+        """Return how many slots to take at most."""
+        config = self.join()
+        with self._client.pipeline(transaction=False) as pipe:
+            pipe.time()
+            pipe.zrange(self._keys.heartbeats, 0, -1, withscores=True)
+            pipe.xlen(self._keys.work)
+            pipe.hget(self._keys.config, "hash")
+            (seconds, _), heartbeats, open_slots, config_hash = pipe.execute()
+        if config_hash is None or config_hash.decode() != config.config_hash:
+            raise ConfigError(f"Run {self._run!r} is gone or has another config now: start the agent again.")
+        alive: int = sum(seen > seconds - ALIVE_SECONDS for _, seen in heartbeats)
+        # An idle agent waits for the next round, whose slots come all at once.
+        expected_slots: int = open_slots or config.slots
+        return math.ceil(expected_slots / max(alive, 1))
+
+    def _expired(self, count: int) -> list[tuple[bytes, dict[bytes, bytes]]]:
+        try:
+            claimed = self._client.xautoclaim(
+                self._keys.work, GROUP, self._worker_id, self._lease_ms, "0-0", count=count
+            )
+        except redis.ResponseError as error:
+            if not str(error).startswith("NOGROUP"):
+                raise
+            ensure_group(self._client, self._keys)  # Redis was emptied; the learner offers its slots again
+            return []
+        return [(entry_id, fields) for entry_id, fields in claimed[1] if entry_id is not None]
+
+    def _offered(self, count: int, block_ms: int) -> list[tuple[bytes, dict[bytes, bytes]]]:
+        streams = self._client.xreadgroup(
+            GROUP, self._worker_id, {self._keys.work: ">"}, count=count, block=block_ms
+        )
+        return [entry for _, entries in streams for entry in entries]
+
+    def _sort(self, entries: Sequence[tuple[bytes, dict[bytes, bytes]]]) -> tuple[list[Lease], list[bytes]]:
+        """Part what the newest policy is asked to run from what a round before left behind."""
+        leases, worthless = [], []
+        for entry_id, fields in entries:
+            item = read_item(fields)
+            if item is not None and self._is_newest(item.policy_sha256):
+                leases.append(Lease(entry_id, item))
+            else:
+                worthless.append(entry_id)
+        return leases, worthless
+
+    def _is_newest(self, sha256: str) -> bool:
+        if self._snapshot is None or self._snapshot.sha256 != sha256:
+            published = self._records.policy(self._run)
+            if published is None or published.sha256 != sha256:
+                return False
+            self._snapshot = PolicySnapshot.from_bytes(published.data)
+        return self._snapshot.sha256 == sha256
+
+    def policy(self, lease: Lease) -> PolicySnapshot:
+        """Return the policy to run a lease just taken with."""
+        assert self._snapshot is not None
+        assert self._snapshot.sha256 == lease.item.policy_sha256
+        return self._snapshot
+
+    @bus_errors()
+    def submit(self, results: list[tuple[Lease, list[Trajectory]]]) -> None:
+        """Deliver slots: push their trajectories and end their leases in one step.
+
+        What is delivered is taken out of `results`, so that the rest can be tried again.
+        """
+        while results:
+            part = results[:SLOTS_PER_TRANSACTION]
+            with self._client.pipeline(transaction=True) as pipe:
+                for lease, trajectories in part:
+                    entry = {HEADER: self._header(lease), DATA: encode_slot(trajectories)}
+                    pipe.xadd(self._keys.trajectories, entry)
+                    pipe.xack(self._keys.work, GROUP, lease.entry_id)
+                    pipe.xdel(self._keys.work, lease.entry_id)
+                pipe.execute()
+            del results[:SLOTS_PER_TRANSACTION]
+            for lease, _ in part:
+                self._held.pop(lease.entry_id, None)
+            episodes = sum(len(trajectories) for _, trajectories in part)
+            self._beating.release([lease.entry_id for lease, _ in part], episodes)
+
+    def _header(self, lease: Lease) -> bytes:
+        header = SlotHeader(
+            protocol=PROTOCOL_VERSION,
+            config_hash=self.join().config_hash,
+            round=lease.item.round,
+            slot=lease.item.slot,
+            policy_sha256=lease.item.policy_sha256,
+            worker=self._worker_id,
+        )
+        return msgspec.json.encode(header)
