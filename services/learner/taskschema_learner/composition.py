@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
-from taskschema.bus.worker_bus import WorkerBus
-
 from taskschema.bus.connection import connect
 from taskschema.bus.learner_bus import LearnerBus
 from taskschema.bus.records import RunRecords
+from taskschema.bus.worker_bus import WorkerBus
 from taskschema.config import RunConfig
 from taskschema.errors import ConfigError, RunFolderError
 from taskschema.tasks.registry import task_of
@@ -24,7 +23,7 @@ from taskschema_learner.learner import Learner
 from taskschema_learner.progress import Limits
 from taskschema_learner.run_folder import RunFolder
 from taskschema_learner.summaries import SummaryWriter
-from taskschema_learner.training import Parts, TrainingStoppedError, TrainingContext, TrainingObserver, train
+from taskschema_learner.training import Parts, TrainingContext, TrainingObserver, TrainingStoppedError, train
 from taskschema_learner.worker_pool import WorkerPool
 
 log = logging.getLogger("taskschema.learner")
