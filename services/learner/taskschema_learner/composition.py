@@ -135,7 +135,7 @@ def _start_workers(
     if options.workers == 0:
         from taskschema_worker.worker import Worker
 
-        bus = stack.enter_context(WorkerBus(url, run, f"inline-{os.getpid()}"))
+        bus = stack.enter_context(WorkerBus(connect(url), run, f"inline-{os.getpid()}"))
         worker = Worker(bus, threads=os.cpu_count() or 1)
         stack.callback(worker.close)
         return lambda: worker.run_once(block_ms=1), 0
