@@ -6,6 +6,7 @@ from torch import Tensor
 
 from taskschema.config import PPOConfig
 from taskschema.errors import UnknownNameError
+from taskschema_learner.batch import Samples
 from taskschema_learner.ppo import PPO
 from taskschema_learner.reinforce import Reinforce
 
@@ -26,12 +27,12 @@ class Algorithm(Protocol):
         """Lambda of the advantages that it takes."""
         ...
 
-    def policy_loss(self, log_probabilities: Tensor, old: Tensor, advantages: Tensor) -> Tensor:
-        """Return the scalar to minimise, from three tensors [B]; `old` are the log-probabilities before."""
+    def policy_loss(self, log_probabilities: Tensor, samples: Samples) -> Tensor:
+        """Return the scalar to minimise for the policy, from the new log-probabilities [B]."""
         ...
 
-    def value_loss(self, values: Tensor, old: Tensor, returns: Tensor) -> Tensor:
-        """Return the critic's scalar loss, from three tensors [B]."""
+    def value_loss(self, values: Tensor, samples: Samples) -> Tensor:
+        """Return the scalar to minimise for the critic, from the new values [B]."""
         ...
 
 

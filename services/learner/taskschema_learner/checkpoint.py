@@ -4,6 +4,7 @@ import hashlib
 import logging
 import os
 import re
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -56,11 +57,14 @@ def save(folder: Path, checkpoint: Checkpoint, keep: int = 3) -> Path:
     temporary = path.with_suffix(_TEMPORARY)
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        for leftover in folder.glob(f"*{_TEMPORARY}"):  # of a learner that was killed while it wrote
+            leftover.unlink()
         _write(temporary, path, data)
         for old in _by_round(folder)[keep:]:
             old.unlink()
     except OSError as error:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
         raise RunFolderError(
             f"The checkpoint of round {checkpoint.round} cannot be written to {folder}: {error.strerror}. "
             "Make room or fix the folder, then continue with --resume."

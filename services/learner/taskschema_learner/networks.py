@@ -111,7 +111,7 @@ class ArgumentNetwork(nn.Module):
         outputs = self.heads(hidden).split(list(self._heads.values()), dim=1)
         return Evaluation(
             mean=outputs[0],
-            log_std=_Bounded.apply(outputs[1], *LOG_STD_RANGE),
+            log_std=_Bounded.apply(outputs[1], *LOG_STD_RANGE),  # type: ignore[no-untyped-call]
             value=outputs[2][:, 0],
             pair_logits=outputs[3] if len(outputs) > 3 else None,
         )

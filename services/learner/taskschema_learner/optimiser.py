@@ -14,7 +14,6 @@ from taskschema_learner.batch import Batch, Samples
 from taskschema_learner.losses import (
     argument_entropy,
     argument_log_probability,
-    normalise,
     pair_entropy,
     pair_log_probability,
 )
@@ -100,9 +99,8 @@ class Optimiser:
         entropy = argument_entropy(evaluation.log_std, samples.used).mean()
         if evaluation.pair_logits is not None:
             entropy = entropy + pair_entropy(evaluation.pair_logits).mean()
-        advantages = normalise(samples.advantages, self._config.advantage_std_floor)
-        policy_loss = self._algorithm.policy_loss(new, samples.old_log_probabilities, advantages)
-        value_loss = self._algorithm.value_loss(evaluation.value, samples.old_values, samples.returns)
+        policy_loss = self._algorithm.policy_loss(new, samples)
+        value_loss = self._algorithm.value_loss(evaluation.value, samples)
         loss = (
             policy_loss
             - self._config.entropy_coefficient * entropy

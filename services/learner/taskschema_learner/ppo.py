@@ -5,7 +5,8 @@ from typing import ClassVar
 from torch import Tensor
 
 from taskschema.config import PPOConfig
-from taskschema_learner.losses import clipped_policy_loss, clipped_value_loss
+from taskschema_learner.batch import Samples
+from taskschema_learner.losses import clipped_policy_loss, clipped_value_loss, normalise
 
 
 class PPO:
@@ -18,10 +19,12 @@ class PPO:
         self.epochs = config.epochs
         self.gae_lambda = config.gae_lambda
 
-    def policy_loss(self, log_probabilities: Tensor, old: Tensor, advantages: Tensor) -> Tensor:
-        """Return `clipped_policy_loss`."""
-        return clipped_policy_loss(log_probabilities - old, advantages, self._config.clip)
+    def policy_loss(self, log_probabilities: Tensor, samples: Samples) -> Tensor:
+        """Return `clipped_policy_loss` with advantages normalised over the minibatch."""
+        advantages = normalise(samples.advantages, self._config.advantage_std_floor)
+        log_ratio = log_probabilities - samples.old_log_probabilities
+        return clipped_policy_loss(log_ratio, advantages, self._config.clip)
 
-    def value_loss(self, values: Tensor, old: Tensor, returns: Tensor) -> Tensor:
+    def value_loss(self, values: Tensor, samples: Samples) -> Tensor:
         """Return `clipped_value_loss`."""
-        return clipped_value_loss(values, old, returns, self._config.value_clip)
+        return clipped_value_loss(values, samples.old_values, samples.returns, self._config.value_clip)

@@ -5,11 +5,15 @@ from typing import ClassVar
 from torch import Tensor
 
 from taskschema.config import PPOConfig
+from taskschema_learner.batch import Samples
 from taskschema_learner.losses import clipped_value_loss
 
 
 class Reinforce:
-    """-mean(A log pi), once over each batch; the advantages are whole returns less the critic's value."""
+    """grad J = E[r(tau) grad log pi(tau)] as it stands in the paper: successes alone move the policy.
+
+    No baseline is taken off: a Gaussian that is pushed away from failures has no bound.
+    """
 
     name: ClassVar[str] = "reinforce"
     epochs: int = 1
@@ -18,12 +22,12 @@ class Reinforce:
     """Whole returns: nothing is bootstrapped."""
 
     def __init__(self, config: PPOConfig) -> None:
-        self._config = config
+        """Take the config as every algorithm does; REINFORCE has no settings of its own."""
 
-    def policy_loss(self, log_probabilities: Tensor, old: Tensor, advantages: Tensor) -> Tensor:
-        """Return the loss whose gradient is that of the likelihood ratio trick; `old` is not read."""
-        return -(advantages * log_probabilities).mean()
+    def policy_loss(self, log_probabilities: Tensor, samples: Samples) -> Tensor:
+        """Return -mean(r log pi), with r the discounted return from each step on."""
+        return -(samples.returns * log_probabilities).mean()
 
-    def value_loss(self, values: Tensor, old: Tensor, returns: Tensor) -> Tensor:
-        """Return half the mean squared error."""
-        return clipped_value_loss(values, old, returns, None)
+    def value_loss(self, values: Tensor, samples: Samples) -> Tensor:
+        """Return half the mean squared error; the policy does not use the value."""
+        return clipped_value_loss(values, samples.old_values, samples.returns, None)
