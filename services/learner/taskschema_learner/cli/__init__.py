@@ -1,0 +1,1 @@
+"""The `taskschema` command: one module per command or small group of commands."""

@@ -1,0 +1,62 @@
+"""`taskschema schema` and `taskschema hash`: what a run has learned."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from taskschema_learner.cli.output import Json, RunReference, print_json
+from taskschema_learner.cli.run_reference import find_run
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.command()(schema)
+    app.command("hash")(print_hash)
+
+
+def schema(
+    run: RunReference,
+    as_json: Json = False,
+    compare_paper: Annotated[
+        bool,
+        typer.Option(
+            "--compare-paper",
+            help="Say in words whether it is the paper's schema, as good as it, or neither.",
+        ),
+    ] = False,
+    export: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the schema to a file for --init-schema.")
+    ] = None,
+) -> None:
+    """Show the task schema that a run has learned: the most probable skill pair of every step."""
+    from rich.console import Console
+
+    from taskschema.tasks.registry import task_of
+    from taskschema_learner.schema_report import compare, schema_words
+    from taskschema_learner.schema_table import schema_table
+
+    folder = find_run(run)
+    document = folder.read_schema()
+    if export is not None:
+        import msgspec
+
+        from taskschema_learner.run_folder import write_atomically
+
+        write_atomically(export, msgspec.json.format(msgspec.json.encode(document), indent=1))
+    if as_json:
+        print_json(document)
+        return
+    comparison = compare(task_of(folder.config), document.best)
+    if not compare_paper:
+        console = Console()
+        console.print(schema_table(document.best))
+        console.print(f"{document.task}, policy version {document.version}, {document.updated_at}")
+    print(f"Schema found: {schema_words(comparison.found)}; {comparison.sentence}.")
+
+
+def print_hash(run: RunReference) -> None:
+    """Print the SHA-256 of a run's newest policy: weights and schema logits. Equal runs have equal hashes."""
+    from taskschema_learner.run_hash import run_hash
+
+    print(run_hash(find_run(run)))

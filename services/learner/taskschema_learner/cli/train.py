@@ -1,0 +1,203 @@
+"""`taskschema train`: learn a task."""
+
+import math
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from taskschema_learner.cli import train_options as option
+
+if TYPE_CHECKING:
+    from taskschema.config import RunConfig
+    from taskschema_learner.composition import TrainOptions
+    from taskschema_learner.run_folder import RunFolder
+
+STEPS_PER_SLOT = 10
+"""A slot holds whole episodes of at least this many steps, if none succeeds early (paper: 10)."""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(train)
+
+
+def train(
+    context: typer.Context,
+    task: option.Task = None,
+    task_file: option.TaskFile = None,
+    policy: option.Policy = "schema",
+    observation: option.Observation = "state",
+    seed: option.Seed = 0,
+    slots: option.Slots = 50,
+    init_schema: option.InitSchema = None,
+    freeze_schema: option.FreezeSchema = False,
+    settings: option.Settings = None,
+    until_success: option.UntilSuccess = 0.9,
+    rounds: option.Rounds = None,
+    resume: option.Resume = False,
+    run_dir: option.RunDir = None,
+    workers: option.Workers = None,
+    redis: option.Redis = None,
+    ray: option.Ray = None,
+    device: option.Device = "cpu",
+    api: option.Api = "127.0.0.1:8420",
+) -> None:
+    """Learn a task: which skill each arm runs at each step, and with which arguments.
+
+    Starts everything that it needs, shows how far it is, and ends at 90 % success. Ctrl-C stops it, and
+    --resume goes on.
+    """
+    from taskschema.errors import ConfigError
+    from taskschema_learner.composition import TrainOptions
+    from taskschema_learner.progress import Limits
+
+    if ray is not None and redis is None:
+        raise ConfigError("--ray needs --redis: a cluster's workers cannot reach the Redis inside this run.")
+    given = {
+        name: value
+        for name, value in context.params.items()
+        if getattr(context.get_parameter_source(name), "name", "") != "DEFAULT"
+    }
+    if resume:
+        folder = _run_to_resume(run_dir, task, task_file, policy, seed)
+        run_dir, config = folder.path, folder.config
+    else:
+        config = _new_config(task, task_file)
+    config = _with_options(config, given)
+    _run(
+        TrainOptions(
+            config=config,
+            run_dir=run_dir or _new_run_dir(config),
+            resume=resume,
+            workers=workers,
+            limits=Limits(until_success=until_success or None, rounds=rounds),
+            redis=redis,
+            ray=ray,
+            api=None if api == "none" else api,
+            device=device,
+        )
+    )
+
+
+def _new_config(task: str | None, task_file: str | None) -> "RunConfig":
+    """Return the config of a task with all defaults.
+
+    Raises:
+        TaskschemaError: if there is no such task.
+
+    """
+    from taskschema.config import RunConfig
+    from taskschema.errors import ConfigError
+    from taskschema.tasks.registry import read_task_file, task_of
+
+    if (task is None) == (task_file is None):
+        raise ConfigError("Name a TASK (see `taskschema tasks`) or give --task-file FILE:CLASS, one of both.")
+    name, source = (task, None) if task_file is None else read_task_file(task_file)
+    config = RunConfig(task=name or "", task_source=source)
+    horizon = task_of(config).horizon
+    return RunConfig(
+        task=name or "", task_source=source, episodes_per_slot=math.ceil(STEPS_PER_SLOT / horizon)
+    )
+
+
+def _run_to_resume(
+    run_dir: Path | None, task: str | None, task_file: str | None, policy: str, seed: int
+) -> "RunFolder":
+    """Open the run that `--resume` means: --run-dir, or the newest of this task, policy and seed."""
+    from taskschema.errors import ConfigError
+    from taskschema_learner.cli.run_reference import newest_run_dir
+    from taskschema_learner.run_folder import RunFolder
+
+    if run_dir is None:
+        name = task if task_file is None else task_file.rpartition(":")[2]
+        if name is None:
+            raise ConfigError("Say which run to resume: TASK, or --run-dir FOLDER.")
+        run_dir = newest_run_dir(name, policy, seed)
+    return RunFolder.open(run_dir)
+
+
+def _new_run_dir(config: "RunConfig") -> Path:
+    from taskschema_learner.cli.run_reference import new_run_dir
+
+    return new_run_dir(config.task, config.policy, config.seed)
+
+
+def _with_options(config: "RunConfig", given: Mapping[str, Any]) -> "RunConfig":
+    """Return the config with what stands on the command line; defaults change nothing.
+
+    Raises:
+        TaskschemaError: for whatever cannot be used.
+
+    """
+    import msgspec
+
+    from taskschema.config import override
+    from taskschema.errors import ConfigError
+    from taskschema.tasks.registry import read_task_file
+
+    changes = {
+        name: given[name] for name in ("task", "policy", "observation", "seed", "slots") if name in given
+    }
+    if changes.get("observation") == "image":
+        raise ConfigError("--observation image is not there yet: use --observation state.")
+    if "task_file" in given:
+        changes["task"], changes["task_source"] = read_task_file(given["task_file"])
+    schema: dict[str, Any] = {}
+    if "init_schema" in given:
+        schema["initial_logits"] = _initial_logits(given["init_schema"], config)
+    if "freeze_schema" in given:
+        schema["frozen"] = given["freeze_schema"]
+    changes["schema"] = msgspec.structs.replace(config.schema, **schema)
+    changed = msgspec.structs.replace(config, **changes)
+    assignments = {}
+    for text in given.get("settings") or ():
+        field, separator, value = text.partition("=")
+        if not separator:
+            raise ConfigError(f"--set takes FIELD=VALUE, such as ppo.learning_rate=0.005; got {text!r}.")
+        assignments[field] = value
+    return override(changed, assignments)
+
+
+def _initial_logits(reference: str, config: "RunConfig") -> tuple[tuple[float, ...], ...]:
+    """Return the logits of a schema file, or of a run."""
+    from taskschema.schema import logits_from_document
+    from taskschema.tasks.registry import task_of
+    from taskschema_learner.cli.run_reference import find_run
+    from taskschema_learner.run_folder import read_schema_file
+
+    path = Path(reference)
+    document = read_schema_file(path) if path.is_file() else find_run(reference).read_schema()
+    task = task_of(config)
+    return tuple(map(tuple, logits_from_document(document, task.pairs, task.horizon).tolist()))
+
+
+def _run(options: "TrainOptions") -> None:
+    from rich.console import Console
+
+    from taskschema_learner.composition import run_training
+    from taskschema_learner.logs import RunLog
+    from taskschema_learner.terminal import TerminalObserver
+
+    console = Console(highlight=False)
+    observer = TerminalObserver(console, RunLog(console), _resume_command(options), options.config.policy)
+    try:
+        run_training(options, observer)
+    finally:
+        observer.close()
+
+
+def _resume_command(options: "TrainOptions") -> str:
+    """Return what goes on with the run; secrets in the Redis URL are left for the person to fill in."""
+    words = ["taskschema", "train", "--resume", "--run-dir", str(options.run_dir)]
+    if options.workers is not None:
+        words += ["--workers", str(options.workers)]
+    if options.redis is not None:
+        words += ["--redis", options.redis if "@" not in options.redis else "URL"]
+    if options.ray is not None:
+        words += ["--ray", options.ray]
+    if options.api is None:
+        words += ["--api", "none"]
+    return shlex.join(words)

@@ -1,0 +1,105 @@
+"""The options of `taskschema train`, each with the help that `--help` shows."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+_LEARN, _END, _PLACE = "What is learned", "When it ends", "Where and with what"
+
+Task = Annotated[
+    str | None, typer.Argument(metavar="TASK", help="Task to learn: see `taskschema tasks`. Try `toy` first.")
+]
+TaskFile = Annotated[
+    str | None,
+    typer.Option(metavar="FILE:CLASS", help="A task of your own instead of TASK.", rich_help_panel=_LEARN),
+]
+Policy = Annotated[
+    Literal["schema", "state", "oracle"],
+    typer.Option(
+        help="schema: the paper's method; state: its baseline without a schema; oracle: the schema given.",
+        rich_help_panel=_LEARN,
+    ),
+]
+Observation = Annotated[
+    Literal["state", "image"], typer.Option(help="What the policy sees.", rich_help_panel=_LEARN)
+]
+Seed = Annotated[
+    int, typer.Option(help="A run's results follow from its config and seed.", rich_help_panel=_LEARN)
+]
+Slots = Annotated[
+    int, typer.Option(help="Slots a round, of 4 episodes each (paper: 50).", rich_help_panel=_LEARN)
+]
+InitSchema = Annotated[
+    str | None,
+    typer.Option(metavar="FILE_OR_RUN", help="Start from a schema learned before.", rich_help_panel=_LEARN),
+]
+FreezeSchema = Annotated[
+    bool, typer.Option("--freeze-schema", help="Leave the schema as it starts.", rich_help_panel=_LEARN)
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="FIELD=VALUE",
+        help="Set any field of the config, such as ppo.learning_rate=0.005; may be repeated.",
+        rich_help_panel=_LEARN,
+    ),
+]
+UntilSuccess = Annotated[
+    float,
+    typer.Option(
+        min=0,
+        max=1,
+        help="Success over the last 100 episodes that is enough; 0: go on for ever.",
+        rich_help_panel=_END,
+    ),
+]
+Rounds = Annotated[int | None, typer.Option(min=1, help="Rounds in all.", rich_help_panel=_END)]
+Resume = Annotated[
+    bool,
+    typer.Option(
+        "--resume",
+        help="Go on with a run that was stopped; its config comes from its folder.",
+        rich_help_panel=_PLACE,
+    ),
+]
+RunDir = Annotated[
+    Path | None,
+    typer.Option(
+        help="The run's folder. Default: runs/TASK-POLICY-seedN, with a number if there is one already.",
+        rich_help_panel=_PLACE,
+    ),
+]
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        min=0, help="Rollout workers. Default: the cores. 0: in this process.", rich_help_panel=_PLACE
+    ),
+]
+Redis = Annotated[
+    str | None,
+    typer.Option(
+        metavar="URL",
+        envvar="TASKSCHEMA_REDIS_URL",
+        help="A Redis to use instead of one inside the run's folder.",
+        rich_help_panel=_PLACE,
+    ),
+]
+Ray = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="A Ray cluster to use instead of a local one, such as auto or HOST:PORT.",
+        rich_help_panel=_PLACE,
+    ),
+]
+Device = Annotated[
+    Literal["cpu", "cuda"], typer.Option(help="Where the learner computes.", rich_help_panel=_PLACE)
+]
+Api = Annotated[
+    str,
+    typer.Option(
+        metavar="HOST:PORT", help="Where the HTTP API listens; none: nowhere.", rich_help_panel=_PLACE
+    ),
+]

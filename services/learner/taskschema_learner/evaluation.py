@@ -1,0 +1,118 @@
+"""How good a trained policy is on instances that it was not trained on."""
+
+import math
+import os
+from collections.abc import Sequence
+from contextlib import closing
+
+import msgspec
+import numpy as np
+
+from taskschema.arrays import AnyArray
+from taskschema.errors import RunFolderError, WireError
+from taskschema.policies import Actions, Policy, PolicySnapshot
+from taskschema.tasks.registry import task_of
+from taskschema.trajectory import Trajectory
+from taskschema_learner.run_folder import RunFolder
+from taskschema_worker.environments import make_environment
+from taskschema_worker.rollout import collect_slots
+
+HELD_OUT = 2**63
+"""Seeds of runs are below; evaluation adds it to the run's, so no instance was ever trained on."""
+EPISODES_AT_ONCE = 50
+"""Episodes in one batch; it bounds memory, and results do not depend on it."""
+NORMAL_97_5 = 1.959963984540054
+"""The normal distribution's quantile behind 95 % intervals."""
+
+
+class SuccessRate(msgspec.Struct, frozen=True):
+    """Successes among some episodes, with the 95 % confidence interval of their probability (Wilson)."""
+
+    successes: int
+    episodes: int
+    rate: float
+    low: float
+    high: float
+
+
+class Evaluation(msgspec.Struct, frozen=True):
+    """A policy version on held-out instances, the same ones for both kinds of actions."""
+
+    run: str
+    policy_version: int
+    sampled: SuccessRate
+    """Skill pairs and arguments drawn, as in training."""
+    mean: SuccessRate
+    """The most probable skill pair and the mean arguments."""
+
+
+class MeanPolicy(Policy):
+    """A policy that takes the most probable pair and the mean arguments instead of drawing them."""
+
+    def act(self, observations: AnyArray, step: int, generators: Sequence[np.random.Generator]) -> Actions:
+        """Return mean actions; the generators stay as they are."""
+        return self.act_mean(observations, step)
+
+
+def wilson(successes: int, episodes: int) -> SuccessRate:
+    """Return the rate of successes among n > 0 episodes with Wilson's 95 % interval.
+
+    center = (p + z^2 / 2n) / (1 + z^2 / n), half-width = z sqrt(p (1 - p) / n + z^2 / 4n^2) / (1 + z^2 / n).
+    """
+    rate, z2 = successes / episodes, NORMAL_97_5**2
+    center = (rate + z2 / (2 * episodes)) / (1 + z2 / episodes)
+    spread = math.sqrt(rate * (1 - rate) / episodes + z2 / (4 * episodes**2))
+    half = NORMAL_97_5 * spread / (1 + z2 / episodes)
+    return SuccessRate(successes, episodes, rate, max(0.0, center - half), min(1.0, center + half))
+
+
+def evaluate(folder: RunFolder, episodes: int) -> Evaluation:
+    """Run the newest policy on held-out instances, with sampled and with mean actions.
+
+    Raises:
+        RunFolderError: if the run has no policy yet, or a damaged one.
+
+    """
+    snapshot = newest_policy(folder)
+    rates = []
+    for mean in (False, True):
+        trajectories = held_out_episodes(folder, snapshot, episodes, mean=mean)
+        rates.append(wilson(sum(item.success for item in trajectories), episodes))
+    return Evaluation(folder.name, snapshot.version, *rates)
+
+
+def newest_policy(folder: RunFolder) -> PolicySnapshot:
+    """Return a run's newest policy.
+
+    Raises:
+        RunFolderError: if there is none yet, or it is damaged.
+
+    """
+    try:
+        return PolicySnapshot.from_bytes(folder.read_policy())
+    except WireError as error:
+        raise RunFolderError(
+            f"The policy in {folder.path} is damaged ({error}): continue the run with --resume to mend it."
+        ) from None
+
+
+def held_out_episodes(
+    folder: RunFolder, snapshot: PolicySnapshot, episodes: int, *, mean: bool
+) -> list[Trajectory]:
+    """Run a policy on the first held-out instances of a run, in this process, on all cores."""
+    task = task_of(folder.config)
+    policy = (MeanPolicy if mean else Policy)(snapshot, task.pairs, task.observation)
+    trajectories: list[Trajectory] = []
+    with closing(make_environment(task, threads=os.cpu_count() or 1)) as environment:
+        for start in range(0, episodes, EPISODES_AT_ONCE):
+            slots = collect_slots(
+                environment,
+                policy,
+                seed=folder.config.seed + HELD_OUT,
+                round_index=0,
+                slots=range(start, min(start + EPISODES_AT_ONCE, episodes)),
+                episodes_per_slot=1,
+                horizon=task.horizon,
+            )
+            trajectories += [trajectory for slot in slots for trajectory in slot]
+    return trajectories
