@@ -1,0 +1,102 @@
+"""The run's folder: atomic, versioned, locked, and clear about what is wrong."""
+
+import json
+import random
+
+import msgspec
+import pytest
+
+from taskschema.config import FORMAT_VERSION, RunConfig
+from taskschema.errors import RunFolderError
+from taskschema.metrics import RoundMetrics
+from taskschema_learner.run_folder import RunFolder, write_atomically
+
+CONFIG = RunConfig(task="toy", seed=7)
+
+
+def row(number: int) -> RoundMetrics:
+    values = {}
+    for field in msgspec.structs.fields(RoundMetrics):
+        values[field.name] = {int: number, float: number / 3, str: "ab"}.get(
+            field.type, (0.1, 1e-17, number / 7)
+        )
+    return RoundMetrics(**values)
+
+
+def test_what_is_created_can_be_opened(tmp_path):
+    RunFolder.create(tmp_path / "run", CONFIG)
+    assert RunFolder.open(tmp_path / "run").config == CONFIG
+
+
+def test_an_existing_run_is_not_overwritten(tmp_path):
+    RunFolder.create(tmp_path / "run", CONFIG)
+    with pytest.raises(RunFolderError, match="--resume"):
+        RunFolder.create(tmp_path / "run", RunConfig(task="toy", seed=8))
+    assert RunFolder.open(tmp_path / "run").config == CONFIG
+
+
+def test_a_missing_run_is_named(tmp_path):
+    with pytest.raises(RunFolderError, match="no run"):
+        RunFolder.open(tmp_path / "nothing")
+
+
+def test_another_format_version_says_what_to_do(tmp_path):
+    RunFolder.create(tmp_path / "run", CONFIG)
+    path = tmp_path / "run" / "config.json"
+    content = json.loads(path.read_text())
+    content["format_version"] = FORMAT_VERSION + 1
+    content["unknown_field_of_a_later_version"] = 1
+    path.write_text(json.dumps(content))
+    with pytest.raises(RunFolderError, match="format version"):
+        RunFolder.open(tmp_path / "run")
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_damaged_config_is_refused(tmp_path, seed):
+    RunFolder.create(tmp_path / "run", CONFIG)
+    path = tmp_path / "run" / "config.json"
+    data = bytearray(path.read_bytes())
+    path.write_bytes(data[: random.Random(seed).randrange(len(data) - 2)])
+    with pytest.raises(RunFolderError, match=r"damaged|no run"):
+        RunFolder.open(tmp_path / "run")
+
+
+def test_metrics_come_back_exactly(tmp_path):
+    folder = RunFolder.create(tmp_path / "run", CONFIG)
+    rows = [row(number) for number in range(5)]
+    for item in rows:
+        folder.append_metrics(item)
+    assert folder.read_metrics() == rows
+    folder.keep_metrics(rows[:3])
+    folder.append_metrics(rows[3])
+    assert folder.read_metrics() == rows[:4]
+
+
+def test_keeping_no_metrics_still_takes_new_ones(tmp_path):
+    folder = RunFolder.create(tmp_path / "run", CONFIG)
+    folder.append_metrics(row(0))
+    folder.keep_metrics([])
+    folder.append_metrics(row(1))
+    assert folder.read_metrics() == [row(1)]
+
+
+def test_a_second_lock_is_refused(tmp_path):
+    folder = RunFolder.create(tmp_path / "run", CONFIG)
+    with folder.locked():
+        second = RunFolder.open(tmp_path / "run").locked()
+        with pytest.raises(RunFolderError, match="Another learner"):
+            second.__enter__()
+
+
+def test_a_failed_write_changes_nothing(tmp_path, monkeypatch):
+    path = tmp_path / "file"
+    write_atomically(path, b"old")
+
+    def full(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(RunFolderError, match="No space left"):
+        write_atomically(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert [item.name for item in tmp_path.iterdir()] == ["file"]
