@@ -16,7 +16,7 @@ from starlette.responses import JSONResponse
 from taskschema import __version__
 from taskschema.errors import BusError, RunFolderError, TaskschemaError
 from taskschema_learner.api.access import Access
-from taskschema_learner.api.access_middleware import AccessMiddleware
+from taskschema_learner.api.gate import Gate
 from taskschema_learner.api.models import Problem
 from taskschema_learner.api.problems import RequestError
 from taskschema_learner.api.routes import ROUTERS
@@ -68,7 +68,7 @@ def build_app(source: RunSource, access: Access, default_run: str | None = None)
     app.add_exception_handler(RequestValidationError, _on_invalid_request)
     app.add_exception_handler(HTTPException, _on_http_error)
     app.add_exception_handler(Exception, _on_bug)
-    app.add_middleware(AccessMiddleware, access=access)
+    app.add_middleware(Gate, access=access)
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=access.hosts, www_redirect=False)
     return app
 
@@ -114,8 +114,6 @@ async def _on_http_error(request: Request, error: Exception) -> JSONResponse:
         line = f"There is no {request.url.path[:100]} here: GET /docs lists every path."
     elif error.status_code == 405:
         line = f"{request.method[:20]} is not possible here: GET /docs lists every path and method."
-    elif error.status_code == 413:
-        line = f"The request's body is larger than {MAX_BODY_BYTES} bytes."
     headers = dict(error.headers) if error.headers else None
     return _problem(error.status_code, line, headers)
 

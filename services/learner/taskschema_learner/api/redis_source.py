@@ -13,6 +13,8 @@ from taskschema_learner.api.problems import ConflictError, NotFoundError
 
 PATIENCE_SECONDS = 0.4
 """A command is tried again for about this long [s]: a client would rather hear 503 than wait."""
+ANSWER_SECONDS = 1.0
+"""Redis must answer within this time [s]; it usually takes less than a millisecond."""
 ENDED = ("finished", "stopped", "failed")
 
 
@@ -29,7 +31,10 @@ class RedisSource:
         Raises:
             BusError: if there is no Redis, it refuses, or it is too old.
         """
-        return cls(RunRecords(connect(url, patience=PATIENCE_SECONDS)))
+        client = connect(url, patience=PATIENCE_SECONDS)
+        # Nothing here waits for news: a Redis that hangs must not hold every thread of the API.
+        client.connection_pool.connection_kwargs["socket_timeout"] = ANSWER_SECONDS
+        return cls(RunRecords(client))
 
     def ping(self) -> None:
         """Return if Redis answers.

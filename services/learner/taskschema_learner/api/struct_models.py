@@ -20,11 +20,19 @@ def model_of(struct: type[msgspec.Struct]) -> type[BaseModel]:
     """
     descriptions = _attribute_docstrings(struct)
     fields: dict[str, Any] = {
-        field.name: (_translate(field.type), Field(description=descriptions.get(field.name)))
+        _attribute(field.name): (
+            _translate(field.type),
+            Field(alias=field.name, description=descriptions.get(field.name)),
+        )
         for field in msgspec.structs.fields(struct)
     }
     config = ConfigDict(extra="forbid")
     return create_model(struct.__name__, __doc__=inspect.getdoc(struct), __config__=config, **fields)
+
+
+def _attribute(name: str) -> str:
+    """Return the name of a model's attribute: a name that models have themselves (`schema`) gets a mark."""
+    return f"{name}_" if hasattr(BaseModel, name) else name
 
 
 def _translate(annotation: Any) -> Any:  # noqa: ANN401 - annotations have no common type

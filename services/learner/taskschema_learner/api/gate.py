@@ -7,7 +7,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from taskschema_learner.api.access import TOKEN_VARIABLE, Access
 
 
-class AccessMiddleware:
+class Gate:
     """Answers 401 to requests that need the token and do not carry it."""
 
     def __init__(self, app: ASGIApp, access: Access) -> None:
@@ -16,18 +16,17 @@ class AccessMiddleware:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on, or refuse it."""
-        guarded = scope["type"] == "http" and self._access.needs_token(scope["method"], scope["path"])
-        if guarded and not self._access.accepts(Headers(scope=scope).get("authorization")):
-            await self._refusal()(scope, receive, send)
-        else:
-            await self._app(scope, receive, send)
+        refusal = self._refusal(scope) if scope["type"] == "http" else None
+        await (refusal or self._app)(scope, receive, send)
 
-    @staticmethod
-    def _refusal() -> JSONResponse:
+    def _refusal(self, scope: Scope) -> JSONResponse | None:
+        if not self._access.needs_token(scope["method"], scope["path"]):
+            return None
+        if self._access.accepts(Headers(scope=scope).get("authorization")):
+            return None
         line = (
             "This needs the API's token: send the header 'Authorization: Bearer TOKEN' "
             f"(it is printed at start, or set in {TOKEN_VARIABLE})."
         )
-        return JSONResponse(
-            {"detail": line}, status_code=401, headers={"WWW-Authenticate": 'Bearer realm="taskschema"'}
-        )
+        challenge = {"WWW-Authenticate": 'Bearer realm="taskschema"'}
+        return JSONResponse({"detail": line}, status_code=401, headers=challenge)
