@@ -40,6 +40,8 @@ class TerminalObserver:
     def __init__(
         self, console: Console, log: RunLog, resume_command: str, policy: PolicyKind = "schema"
     ) -> None:
+        self.started = False
+        """Whether training began; before, nothing is in the run's folder but its config."""
         self._console = console
         self._log = log
         self._policy = policy
@@ -55,16 +57,17 @@ class TerminalObserver:
     def on_start(self, context: TrainingContext, rounds_done: int, progress: Progress) -> None:
         """Say what is trained, with what and where."""
         self._context = context
+        self.started = True
         self._log.write_to(context.folder)
         self._started = time.monotonic()
         self._ends.append((self._started, progress.episodes))
         workers = f"{context.workers} workers" if context.workers else "in this process"
-        self._console.print(f"Training {context.task.name}: {context.task.summary}")
-        self._console.print(f"Run folder: {context.folder} ({workers}); stops at {_goal(context)}.")
+        self._say(f"Training {context.task.name}: {context.task.summary}")
+        self._say(f"Run folder: {context.folder} ({workers}); stops at {_goal(context)}.")
         if context.api_url is not None:
-            self._console.print(f"API: {context.api_url} (documentation: {context.api_url}/docs)")
+            self._say(f"API: {context.api_url} (documentation: {context.api_url}/docs)")
         if rounds_done:
-            self._console.print(f"Going on after {rounds_done} rounds, {progress.episodes:,} episodes.")
+            self._say(f"Going on after {rounds_done} rounds, {progress.episodes:,} episodes.")
         if self._console.is_terminal:
             self._live = Live(console=self._console, get_renderable=self._render, refresh_per_second=4)
             self._live.start()
@@ -81,7 +84,7 @@ class TerminalObserver:
         self._ends.append((time.monotonic(), metrics.episodes))
         if self._live is None and time.monotonic() - self._last_line >= LINE_SECONDS:
             self._last_line = time.monotonic()
-            self._console.print(self._line(metrics), soft_wrap=True)
+            self._say(self._line(metrics))
 
     def on_finish(self, reason: str, finished: bool) -> None:
         """Say why it ended, which schema was found, where the run is, and how to go on."""
@@ -89,28 +92,32 @@ class TerminalObserver:
         if self._rows:
             last = self._rows[-1]
             minutes = (time.monotonic() - self._started) / 60
-            self._console.print(
+            self._say(
                 f"{'Finished' if finished else 'Stopped'}: {reason}; {last.episodes:,} episodes, "
                 f"{last.policy_version} rounds, {minutes:.1f} min in this session."
             )
         else:
-            self._console.print(f"{'Finished' if finished else 'Stopped'}: {reason}.")
+            self._say(f"{'Finished' if finished else 'Stopped'}: {reason}.")
         if self._schema is not None:
             best = self._schema.best(self._used_steps)
             self._console.print(schema_table(best))
             found = "Schema given" if self._policy == "oracle" else "Schema found"
-            self._console.print(f"{found}: {_finding(self._context, best)}")
-        self._console.print(f"Run folder: {self._context.folder}", soft_wrap=True)
+            self._say(f"{found}: {_finding(self._context, best)}")
+        self._say(f"Run folder: {self._context.folder}")
         if finished:
             self._draw_curve(self._context.folder / "curve.png")
         else:
-            self._console.print(f"Continue with: {self._resume_command}", soft_wrap=True)
+            self._say(f"Continue with: {self._resume_command}")
 
     def close(self) -> None:
         """Leave the terminal as it was; also when training fails."""
         if self._live is not None:
             self._live.stop()
             self._live = None
+
+    def _say(self, text: str) -> None:
+        """Print a line; names of folders and the like are never cut in two."""
+        self._console.print(text, soft_wrap=True, markup=False)
 
     def _draw_curve(self, path: Path) -> None:
         from taskschema_learner.plots import plot_run
@@ -119,7 +126,7 @@ class TerminalObserver:
         folder = RunFolder.open(self._context.folder)
         if folder.read_metrics():
             plot_run(folder, path)
-            self._console.print(f"Learning curve: {path}", soft_wrap=True)
+            self._say(f"Learning curve: {path}")
 
     @property
     def episodes_per_second(self) -> float:

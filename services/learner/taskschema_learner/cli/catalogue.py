@@ -50,20 +50,18 @@ def skills(as_json: Json = False) -> None:
     if as_json:
         print_json([_skill_facts(skill) for skill in found])
         return
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table("skill", "what it does", "families", "arguments", "starts", "ends", show_lines=True)
     for skill in found:
-        arguments = "\n".join(_argument_words(argument) for argument in skill.arguments) or "none"
-        families = ", ".join(skill.families)
-        table.add_row(skill.name, skill.summary, families, arguments, skill.start_state, skill.end_state)
-    Console().print(table)
+        print(f"{skill.name} ({', '.join(skill.families)}): {skill.summary}")
+        for argument in skill.arguments:
+            print(f"    {_argument_words(argument)}")
+        print(f"    starts: {skill.start_state}")
+        print(f"    ends:   {skill.end_state}\n")
 
 
 def _argument_words(argument: "Argument") -> str:
     turn = ", wraps" if argument.periodic else ""
-    return f"{argument.name}: {argument.low:g} to {argument.high:g} {argument.unit}{turn}"
+    space = f"{argument.low:g} to {argument.high:g} {argument.unit}{turn}"
+    return f"{argument.name}: {space}. {argument.meaning}"
 
 
 def _task_facts(task: "Task") -> dict[str, object]:

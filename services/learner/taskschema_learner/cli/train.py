@@ -2,9 +2,10 @@
 
 import math
 import shlex
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import typer
 
@@ -51,8 +52,6 @@ def train(
     --resume goes on.
     """
     from taskschema.errors import ConfigError
-    from taskschema_learner.composition import TrainOptions
-    from taskschema_learner.progress import Limits
 
     if ray is not None and redis is None:
         raise ConfigError("--ray needs --redis: a cluster's workers cannot reach the Redis inside this run.")
@@ -67,6 +66,11 @@ def train(
     else:
         config = _new_config(task, task_file)
     config = _with_options(config, given)
+
+    # These need torch, which takes seconds to import: what is wrong with the options shows before.
+    from taskschema_learner.composition import TrainOptions
+    from taskschema_learner.progress import Limits
+
     _run(
         TrainOptions(
             config=config,
@@ -134,13 +138,16 @@ def _with_options(config: "RunConfig", given: Mapping[str, Any]) -> "RunConfig":
     """
     import msgspec
 
-    from taskschema.config import override
-    from taskschema.errors import ConfigError
+    from taskschema.config import ObservationKind, PolicyKind, override
+    from taskschema.errors import ConfigError, UnknownNameError
     from taskschema.tasks.registry import read_task_file
 
     changes = {
         name: given[name] for name in ("task", "policy", "observation", "seed", "slots") if name in given
     }
+    for name, kinds in (("policy", PolicyKind), ("observation", ObservationKind)):
+        if name in changes and changes[name] not in get_args(kinds):
+            raise UnknownNameError(name, changes[name], get_args(kinds))
     if changes.get("observation") == "image":
         raise ConfigError("--observation image is not there yet: use --observation state.")
     if "task_file" in given:
@@ -177,14 +184,20 @@ def _initial_logits(reference: str, config: "RunConfig") -> tuple[tuple[float, .
 def _run(options: "TrainOptions") -> None:
     from rich.console import Console
 
+    from taskschema.errors import TaskschemaError
     from taskschema_learner.composition import run_training
     from taskschema_learner.logs import RunLog
     from taskschema_learner.terminal import TerminalObserver
 
+    is_new = not options.run_dir.exists()
     console = Console(highlight=False)
     observer = TerminalObserver(console, RunLog(console), _resume_command(options), options.config.policy)
     try:
         run_training(options, observer)
+    except TaskschemaError:
+        if is_new and not observer.started:  # nothing is in it yet but its config
+            shutil.rmtree(options.run_dir, ignore_errors=True)
+        raise
     finally:
         observer.close()
 

@@ -1,7 +1,7 @@
 """The options of `taskschema train`, each with the help that `--help` shows."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
@@ -15,14 +15,15 @@ TaskFile = Annotated[
     typer.Option(metavar="FILE:CLASS", help="A task of your own instead of TASK.", rich_help_panel=_LEARN),
 ]
 Policy = Annotated[
-    Literal["schema", "state", "oracle"],
+    str,
     typer.Option(
+        metavar="schema|state|oracle",
         help="schema: the paper's method; state: its baseline without a schema; oracle: the schema given.",
         rich_help_panel=_LEARN,
     ),
 ]
 Observation = Annotated[
-    Literal["state", "image"], typer.Option(help="What the policy sees.", rich_help_panel=_LEARN)
+    str, typer.Option(metavar="state|image", help="What the policy sees.", rich_help_panel=_LEARN)
 ]
 Seed = Annotated[
     int, typer.Option(help="A run's results follow from its config and seed.", rich_help_panel=_LEARN)
@@ -95,7 +96,7 @@ Ray = Annotated[
     ),
 ]
 Device = Annotated[
-    Literal["cpu", "cuda"], typer.Option(help="Where the learner computes.", rich_help_panel=_PLACE)
+    str, typer.Option(metavar="cpu|cuda", help="Where the learner computes.", rich_help_panel=_PLACE)
 ]
 Api = Annotated[
     str,
