@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from taskschema.arrays import Float32Array, FloatArray
+from taskschema.arrays import AnyArray, Float32Array, FloatArray
 from taskschema.config import NetworkConfig
 from taskschema.policies.network import LOG_STD_RANGE
 
@@ -90,17 +90,18 @@ class ArgumentNetwork(nn.Module):
         """Make all parameters and their gradients views of `flat` and of its gradient."""
         parameters = [*self.trunk.parameters(), *self.heads.parameters()]
         values = torch.cat([parameter.detach().reshape(-1) for parameter in parameters]).to(dtype)
-        self.flat = [nn.Parameter(torch.zeros_like(values))]  # in a list: it is no parameter of its own
-        self.flat[0].grad = torch.zeros_like(values)
+        self.flat = [nn.Parameter(values)]  # in a list: it is no parameter of its own
+        self.gradient = torch.zeros_like(values)
+        self.flat[0].grad = self.gradient
         start = 0
         for parameter in parameters:
             end = start + parameter.numel()
             parameter.data = self.flat[0].data[start:end].view_as(parameter)
-            parameter.grad = self.flat[0].grad[start:end].view_as(parameter)
+            parameter.grad = self.gradient[start:end].view_as(parameter)
             start = end
 
     def use_float64(self) -> None:
-        """Compute in double precision, for comparisons with other implementations; sets weights to zero."""
+        """Compute in double precision, for comparisons with other implementations."""
         self._flatten(torch.float64)
 
     def forward(self, inputs: torch.Tensor) -> Evaluation:
@@ -129,7 +130,11 @@ class ArgumentNetwork(nn.Module):
 
     def weights(self) -> dict[str, Float32Array]:
         """Return copies of the weights by name, as `taskschema.policies.network.forward` takes them."""
-        return {name: view.cpu().numpy().astype(np.float32) for name, view in self._named().items()}
+        return {name: array.astype(np.float32) for name, array in self.exact_weights().items()}
+
+    def exact_weights(self) -> dict[str, AnyArray]:
+        """Return copies of the weights by name, in the precision of the computation."""
+        return {name: view.cpu().numpy().copy() for name, view in self._named().items()}
 
     def load(self, weights: dict[str, Float32Array]) -> None:
         """Set all weights by name.

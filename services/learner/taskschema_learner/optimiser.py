@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from taskschema.arrays import AnyArray, FloatArray
 from taskschema.config import PPOConfig
@@ -53,8 +53,7 @@ class Optimiser:
         policy_losses, value_losses, norms = [], [], []
         for _ in range(self._algorithm.epochs):
             order = torch.from_numpy(rng.permutation(len(batch.pairs)))
-            for rows in order.tensor_split(self._config.minibatches):
-                minibatch = _take(samples, rows.to(samples.inputs.device))
+            for minibatch in _split(samples, order.to(samples.inputs.device), self._config.minibatches):
                 policy_loss, value_loss, norm = self._step(minibatch)
                 policy_losses.append(policy_loss)
                 value_losses.append(value_loss)
@@ -106,9 +105,11 @@ class Optimiser:
             - self._config.entropy_coefficient * entropy
             + self._config.value_coefficient * value_loss
         )
-        self._adam.zero_grad(set_to_none=False)
+        gradient = self._network.gradient
+        gradient.zero_()
         torch.autograd.backward(loss)
-        norm = nn.utils.clip_grad_norm_(self._network.flat, self._config.max_gradient_norm)
+        norm = torch.linalg.vector_norm(gradient)
+        gradient.mul_((self._config.max_gradient_norm / (norm + 1e-6)).clamp(max=1.0))
         self._adam.step()
         return policy_loss.detach(), value_loss.detach(), norm
 
@@ -158,5 +159,7 @@ def _like(array: FloatArray, flat: Tensor) -> Tensor:
     return torch.from_numpy(array.copy()).to(flat.detach())
 
 
-def _take(samples: Samples, rows: Tensor) -> Samples:
-    return Samples(**{name: value[rows] for name, value in vars(samples).items()})
+def _split(samples: Samples, order: Tensor, parts: int) -> list[Samples]:
+    """Return the samples in this order, in so many parts of sizes as equal as they can be."""
+    shuffled = {name: value[order].tensor_split(parts) for name, value in vars(samples).items()}
+    return [Samples(**{name: values[part] for name, values in shuffled.items()}) for part in range(parts)]
