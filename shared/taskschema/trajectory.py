@@ -11,6 +11,10 @@ from taskschema.tasks.task import Task
 
 MAX_MESSAGE_BYTES = 16 * 1024 * 1024
 """No trajectory message is larger: 3 frames of 256 x 256 x 3 bytes and 4 episodes fit many times over."""
+MAX_COUNTER = 2**40
+"""No counter is larger."""
+MAX_RAW_ARGUMENT = 1e6
+"""No raw sample is larger: the search space is +-1, and the log-probability squares it in float32."""
 
 
 @dataclass(frozen=True)
@@ -168,8 +172,9 @@ def _check(message: _Message, expected: TrajectoryFormat) -> Trajectory:
         raise WireError("a diverged episode cannot be a success")
     if not message.success and not message.diverged and length != expected.horizon:
         raise WireError(f"a failed episode has {expected.horizon} steps, got {length}")
-    if min(message.round, message.slot, message.episode, message.attempt, message.physics_steps) < 0:
-        raise WireError("negative counter")
+    counters = (message.round, message.slot, message.episode, message.attempt, message.physics_steps)
+    if min(counters) < 0 or max(counters) > MAX_COUNTER:
+        raise WireError(f"counter outside 0 to {MAX_COUNTER}")
     observations = _unpack(
         message.observations,
         "observations",
@@ -177,6 +182,8 @@ def _check(message: _Message, expected: TrajectoryFormat) -> Trajectory:
         (length, *expected.observation_shape),
     )
     arguments = _unpack(message.arguments, "arguments", "<f4", (length, expected.argument_count))
+    if (np.abs(arguments) > MAX_RAW_ARGUMENT).any():
+        raise WireError(f"arguments: beyond +-{MAX_RAW_ARGUMENT:g}")
     return Trajectory(
         round=message.round,
         slot=message.slot,

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from bus_setup import toy_snapshot
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taskschema.arrays import FloatArray, IntArray
-from taskschema.policies import Policy, PolicySnapshot
+from taskschema.policies import Policy
 from taskschema.tasks.task import StepResult
 from taskschema.tasks.toy import Toy, ToyEnvironment
 from taskschema.trajectory import Trajectory, encode_slot
@@ -16,18 +17,7 @@ TOY = Toy()
 
 
 def toy_policy(version: int = 0, seed: int = 0) -> Policy:
-    rng = np.random.default_rng(seed)
-    size, arguments = TOY.observation.size, TOY.pairs.argument_count
-
-    def layer(rows: int, columns: int) -> np.ndarray:
-        return (rng.standard_normal((rows, columns)) / np.sqrt(columns)).astype(np.float32)
-
-    weights = {"trunk.0.weight": layer(64, size), "trunk.0.bias": layer(64, 1)[:, 0]}
-    for head, rows in (("mean", arguments), ("log_std", arguments), ("value", 1)):
-        weights[f"{head}.weight"] = layer(rows, 64)
-        weights[f"{head}.bias"] = np.zeros(rows, dtype=np.float32)
-    snapshot = PolicySnapshot(version, weights, rng.standard_normal((TOY.horizon, len(TOY.pairs))))
-    return Policy(snapshot, TOY.pairs, TOY.observation)
+    return Policy(toy_snapshot(version, seed), TOY.pairs, TOY.observation)
 
 
 def collect(
@@ -99,8 +89,7 @@ def test_policy_acts_on_the_values_that_are_streamed() -> None:
             seen.append(observations.copy())
             return super().act(observations, step, generators)
 
-    snapshot = toy_policy().snapshot
-    (trajectories,) = collect([0], policy=Recording(snapshot, TOY.pairs, TOY.observation))
+    (trajectories,) = collect([0], policy=Recording(toy_snapshot(), TOY.pairs, TOY.observation))
     assert all(item.dtype == np.float32 for item in seen)
     np.testing.assert_array_equal(
         seen[0].view(np.uint32), np.stack([item.observations[0] for item in trajectories]).view(np.uint32)

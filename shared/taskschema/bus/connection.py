@@ -1,5 +1,6 @@
 """Connecting to Redis: one retry policy, and every failure as one line that says what to do."""
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from urllib.parse import urlsplit
@@ -14,6 +15,8 @@ MINIMUM_VERSION = (6, 2)
 """Expired leases are claimed with XAUTOCLAIM, which came with 6.2."""
 PATIENCE_SECONDS = 20.0
 """A command is tried again for about this long [s]: a server that restarts is waited for."""
+ANSWER_SECONDS = 5.0
+"""A server that does not answer a command within this long is not there [s]."""
 LONGEST_BLOCK_MS = 10_000
 """No blocking read lasts longer [ms], so that the socket's own timeout finds a server that is gone."""
 
@@ -29,23 +32,24 @@ def connect(url: str, *, patience: float = PATIENCE_SECONDS) -> redis.Redis:
         BusError: if there is no server, it refuses, or it is too old.
 
     """
-    with bus_errors(), _client(url, patience=0.0) as probe:
-        version = str(probe.info("server")["redis_version"])
-    if tuple(int(part) for part in version.split(".")[:2]) < MINIMUM_VERSION:
+    with bus_errors(), _client(url, patience=0.0, timeout=ANSWER_SECONDS) as probe:
+        version = str(probe.info("server").get("redis_version", "unknown"))
+    numbers = re.match(r"(\d+)\.(\d+)", version)
+    if numbers is None or tuple(map(int, numbers.groups())) < MINIMUM_VERSION:
         needed = ".".join(map(str, MINIMUM_VERSION))
         raise BusError(f"Redis at {_without_secrets(url)} is version {version}: {needed} or newer is needed.")
-    return _client(url, patience)
+    return _client(url, patience, LONGEST_BLOCK_MS / 1000 + ANSWER_SECONDS)
 
 
-def _client(url: str, patience: float) -> redis.Redis:
+def _client(url: str, patience: float, timeout: float) -> redis.Redis:
     # Half to all of 0.5 s between tries, once they have become that rare.
     retry = Retry(EqualJitterBackoff(cap=0.5, base=0.02), retries=int(patience / 0.375) + 1)
     try:
         return redis.Redis.from_url(
             url,
             retry=retry,
-            socket_connect_timeout=5.0,
-            socket_timeout=LONGEST_BLOCK_MS / 1000 + 10.0,
+            socket_connect_timeout=ANSWER_SECONDS,
+            socket_timeout=timeout,
             socket_keepalive=True,
             health_check_interval=15,
             protocol=2,
