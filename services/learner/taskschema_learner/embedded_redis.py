@@ -211,7 +211,9 @@ class EmbeddedRedis:
             try:
                 self._check_folder()
                 self._start()
-            except (BusError, RunFolderError) as error:
+            except BusError as error:
+                log.warning("%s", error)  # killed again while it started, say: that counts as a death
+            except RunFolderError as error:
                 log.error("%s", error)
                 return
 
