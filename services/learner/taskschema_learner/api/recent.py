@@ -15,28 +15,36 @@ MAX_KEYS = 64
 
 
 class Recent(Generic[T]):
-    """Values loaded in a thread, by key, at most `max_age` seconds old; belongs to one event loop."""
+    """Values loaded in a thread, by key; belongs to one event loop.
 
-    def __init__(self, load: Callable[[str], T], max_age: float) -> None:
+    A value older than `fresh` seconds is loaded again, but up to `usable` seconds readers get the old one
+    meanwhile: Redis may be busy writing to its disk, and nobody should wait for that.
+    """
+
+    def __init__(self, load: Callable[[str], T], *, fresh: float, usable: float) -> None:
         self._load = load
-        self._max_age = max_age
+        self._fresh = fresh
+        self._usable = usable
         self._values: OrderedDict[str, tuple[float, T]] = OrderedDict()
         self._loading: dict[str, asyncio.Task[T]] = {}
 
     async def get(self, key: str) -> T:
-        """Return the value of a key; requests that come while it is loaded share that load.
+        """Return the value of a key; readers that come while it is loaded share that load.
 
         Raises:
             Exception: whatever loading raises; failures are not kept.
         """
         held = self._values.get(key)
-        if held is not None and time.monotonic() - held[0] <= self._max_age:
+        age = float("inf") if held is None else time.monotonic() - held[0]
+        if held is not None and age <= self._fresh:
             return held[1]
         task = self._loading.get(key)
         if task is None:
             task = asyncio.create_task(self._refresh(key))
             self._loading[key] = task
             task.add_done_callback(lambda done: self._finish(key, done))
+        if held is not None and age <= self._usable:
+            return held[1]
         # Shielded: a client that hangs up must not cancel the load that others wait for.
         return await asyncio.shield(task)
 

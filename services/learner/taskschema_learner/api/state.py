@@ -14,8 +14,10 @@ from taskschema_learner.api.problems import NotFoundError, RequestError
 from taskschema_learner.api.recent import Recent
 from taskschema_learner.api.source import RunSource
 
-MAX_AGE = 0.05
-"""Age up to which schema and policy are answered from memory [s]."""
+FRESH_SECONDS = 0.05
+"""Schema and policy older than this are read again [s]."""
+USABLE_SECONDS = 0.25
+"""Schema and policy up to this age are answered while newer ones are read [s]."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,9 @@ class ApiState:
     actors: Actors = field(init=False)
 
     def __post_init__(self) -> None:
-        self.schemas = Recent(lambda run: TaggedBytes.of(self.source.schema(run)), MAX_AGE)
-        self.policies = Recent(self.source.policy, MAX_AGE)
+        ages = {"fresh": FRESH_SECONDS, "usable": USABLE_SECONDS}
+        self.schemas = Recent(lambda run: TaggedBytes.of(self.source.schema(run)), **ages)
+        self.policies = Recent(self.source.policy, **ages)
         self.actors = Actors(self.source.config)
 
 

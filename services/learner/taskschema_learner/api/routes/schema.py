@@ -20,8 +20,8 @@ Version = Annotated[
 async def schema(request: Request, state: State, run: RunName, version: Version = None) -> Response:
     """Return the task schema: which skill each arm runs at each step, with probabilities and logits.
 
-    The newest one is at most 50 ms old. Rows after the step at which episodes succeed are not trained
-    towards anything: `best` marks them as not used.
+    The newest one is at most a quarter of a second old, under load 50 ms. Rows after the step at which
+    episodes succeed are not trained towards anything: `best` marks them as not used.
     """
     if version is None:
         newest = await state.schemas.get(run)
