@@ -13,7 +13,8 @@ from bench.stable_baselines_twin import make_twin, train_with, weights_of
 
 from taskschema.config import NetworkConfig, PPOConfig
 from taskschema_learner.batch import Batch
-from taskschema_learner.networks import ArgumentNetwork, initial_weights
+from taskschema_learner.initial_weights import initial_weights
+from taskschema_learner.networks import ArgumentNetwork
 from taskschema_learner.optimiser import Optimiser
 
 

@@ -15,7 +15,8 @@ from taskschema.schema import one_hot_logits
 from taskschema.tasks.task import Task
 from taskschema.trajectory import Trajectory
 from taskschema_learner.batch import collate, in_order
-from taskschema_learner.networks import ArgumentNetwork, initial_weights
+from taskschema_learner.initial_weights import initial_weights
+from taskschema_learner.networks import ArgumentNetwork
 from taskschema_learner.optimiser import Optimiser, UpdateStatistics
 from taskschema_learner.schema_trainers import make_schema_trainer
 

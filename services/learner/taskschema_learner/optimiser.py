@@ -44,7 +44,7 @@ class Optimiser:
         self._config = config
         self._algorithm = make_algorithm(config)
         self._adam = torch.optim.Adam(
-            network.flat, lr=config.learning_rate, eps=config.adam_epsilon, fused=True
+            [network.flat], lr=config.learning_rate, eps=config.adam_epsilon, fused=True
         )
 
     def update(self, batch: Batch, rng: np.random.Generator) -> UpdateStatistics:
@@ -61,7 +61,7 @@ class Optimiser:
         return self._statistics(samples, [policy_losses, value_losses, norms])
 
     def _samples(self, batch: Batch) -> Samples:
-        like = self._network.flat[0]
+        like = self._network.flat
         inputs, arguments, used = (
             torch.from_numpy(array).to(like) for array in (batch.inputs, batch.arguments, batch.used)
         )
@@ -105,11 +105,9 @@ class Optimiser:
             - self._config.entropy_coefficient * entropy
             + self._config.value_coefficient * value_loss
         )
-        gradient = self._network.gradient
-        gradient.zero_()
-        torch.autograd.backward(loss)
+        (gradient,) = torch.autograd.grad(loss, self._network.flat)
         norm = torch.linalg.vector_norm(gradient)
-        gradient.mul_((self._config.max_gradient_norm / (norm + 1e-6)).clamp(max=1.0))
+        self._network.flat.grad = gradient * (self._config.max_gradient_norm / (norm + 1e-6)).clamp(max=1.0)
         self._adam.step()
         return policy_loss.detach(), value_loss.detach(), norm
 
@@ -132,8 +130,8 @@ class Optimiser:
 
     def arrays(self) -> dict[str, AnyArray]:
         """Return Adam's moments and step count, for a checkpoint."""
-        state = self._adam.state.get(self._network.flat[0])
-        size = self._network.flat[0].numel()
+        state = self._adam.state.get(self._network.flat)
+        size = self._network.flat.numel()
         if not state:
             return {"first": np.zeros(size), "second": np.zeros(size), "steps": np.zeros(())}
         return {
@@ -144,7 +142,7 @@ class Optimiser:
 
     def load(self, arrays: dict[str, AnyArray]) -> None:
         """Take over what `arrays` returned."""
-        flat = self._network.flat[0]
+        flat = self._network.flat
         steps = torch.tensor(float(arrays["steps"]), dtype=torch.float32, device=flat.device)
         self._adam.state[flat] = {
             "step": steps,

@@ -1,0 +1,48 @@
+"""The first weights of a network."""
+
+import math
+
+import numpy as np
+
+from taskschema.arrays import Float32Array, FloatArray
+from taskschema.config import NetworkConfig
+
+TRUNK_GAIN = math.sqrt(2.0)
+ACTOR_GAIN = 0.01
+"""Initial gain of the actor's heads (Stable Baselines): every state starts with nearly the same actions."""
+
+
+def initial_weights(
+    rng: np.random.Generator, inputs: int, config: NetworkConfig, arguments: int, pairs: int = 0
+) -> dict[str, Float32Array]:
+    """Return a network's first weights: orthogonal, biases zero, as in Stable Baselines.
+
+    Two things differ (see docs/paper.md). The bias of the log standard deviation is `config.initial_log_std`.
+    The critic's head is zero: no return is expected before there was one, so until the first success all
+    advantages are exactly 0 and the policy does not follow the noise of random values.
+
+    Arguments as in `ArgumentNetwork`.
+    """
+    sizes = [inputs, *config.hidden]
+    shapes = {f"trunk.{n}": (sizes[n + 1], sizes[n], TRUNK_GAIN) for n in range(len(config.hidden))}
+    shapes["mean"] = (arguments, sizes[-1], ACTOR_GAIN)
+    shapes["log_std"] = (arguments, sizes[-1], ACTOR_GAIN)
+    if pairs:
+        shapes["pair"] = (pairs, sizes[-1], ACTOR_GAIN)
+    weights: dict[str, Float32Array] = {}
+    for name, (rows, columns, gain) in shapes.items():
+        weights[f"{name}.weight"] = (gain * _orthogonal(rng, rows, columns)).astype(np.float32)
+        weights[f"{name}.bias"] = np.zeros(rows, dtype=np.float32)
+    weights["value.weight"] = np.zeros((1, sizes[-1]), dtype=np.float32)
+    weights["value.bias"] = np.zeros(1, dtype=np.float32)
+    weights["log_std.bias"] += np.float32(config.initial_log_std)
+    return weights
+
+
+def _orthogonal(rng: np.random.Generator, rows: int, columns: int) -> FloatArray:
+    """Return a random [rows, columns] matrix whose shorter side is orthonormal."""
+    tall = rng.standard_normal((max(rows, columns), min(rows, columns)))
+    q, r = np.linalg.qr(tall)
+    q = q * np.sign(np.diag(r))  # makes the distribution uniform over orthogonal matrices
+    result: FloatArray = q if rows >= columns else q.T
+    return result
