@@ -3,11 +3,10 @@
 import argparse
 import importlib
 import json
-import os
-import platform
 from pathlib import Path
 
 from bench.entry import Entry
+from bench.machine import machine
 
 BENCHES = {
     "simulation": "simulated seconds per wall second against robosuite's own env.step",
@@ -19,7 +18,9 @@ RESULTS = Path(__file__).with_name("results.json")
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m bench", description=__doc__)
-    parser.add_argument("benches", nargs="*", choices=[[], *BENCHES], help="; ".join(map(": ".join, BENCHES.items())))
+    parser.add_argument(
+        "benches", nargs="*", choices=[[], *BENCHES], help="; ".join(map(": ".join, BENCHES.items()))
+    )
     parser.add_argument("--repeats", type=int, default=5, help="interleaved repeats of each measurement")
     arguments = parser.parse_args()
     entries: list[Entry] = []
@@ -29,16 +30,6 @@ def main() -> None:
     print(f"\n{machine()}\n\n{table(entries)}")
     if not arguments.benches:
         RESULTS.write_text(json.dumps([entry.as_dict() for entry in entries], indent=1) + "\n")
-
-
-def machine() -> str:
-    """Return cores and kind of this machine."""
-    kind = platform.processor() or platform.machine()
-    for line in Path("/proc/cpuinfo").read_text().splitlines():
-        if line.startswith("model name"):
-            kind = line.split(":", 1)[1].strip()
-            break
-    return f"{os.cpu_count()} cores, {kind}, Python {platform.python_version()}"
 
 
 def table(entries: list[Entry]) -> str:
