@@ -1,0 +1,145 @@
+"""The environment of tasks with a scene: skills planned once per step for a whole batch, physics in C."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from taskschema.arrays import BoolArray, FloatArray, IntArray
+from taskschema.kinematics.sawyer import rethink_gripper, sawyer_pair
+from taskschema.motion import ArmPath, PlanningContext
+from taskschema.tasks.scene_observation import observe
+from taskschema.tasks.scene_task import ObjectInstance, SceneTask
+from taskschema.tasks.task import StepResult
+from taskschema_worker.scenes import TIMESTEP
+from taskschema_worker.simulation import Simulation
+
+CHUNK = 8
+"""Physics steps between two tests of the goal: an episode that has reached it is not simulated further."""
+
+
+class SceneEnvironment:
+    """N episodes of a scene task; see `BatchEnvironment`."""
+
+    def __init__(self, task: SceneTask, threads: int = 1) -> None:
+        self._task = task
+        self._simulation = Simulation(task, threads)
+        self.measure_distance = False
+        """Whether to keep each episode's smallest `goal_distance` in `closest`: for an audit's searches."""
+        self.closest: FloatArray = np.empty(0)
+        """[N] smallest distance from the goal so far, if `measure_distance`."""
+
+    def reset(self, generators: Sequence[np.random.Generator]) -> FloatArray:
+        """Start one episode per generator; see `BatchEnvironment`."""
+        return self.reset_to([self._task.draw_instance(generator) for generator in generators])
+
+    def reset_to(self, instances: Sequence[ObjectInstance]) -> FloatArray:
+        """Start one episode per given object instance and return observations [N, D]."""
+        count = len(instances)
+        self._simulation.reset(instances)
+        self._start = self._simulation.object_poses(np.arange(count))
+        self._opening = np.full((count, 2), rethink_gripper().open)
+        self._time = np.zeros(count, dtype=np.int64)
+        self.closest = np.full(count, np.inf)
+        return self._observe(np.arange(count))
+
+    def step(self, episodes: IntArray, pairs: IntArray, arguments: FloatArray) -> StepResult:
+        """Run one step of the episodes [M]; see `BatchEnvironment`."""
+        paths = [self._plan(arm, episodes, pairs, arguments) for arm in (0, 1)]
+        success, diverged, steps = self._execute(episodes, paths)
+        for arm, path in enumerate(paths):
+            self._opening[episodes, arm] = path.final_opening
+        self._time[episodes] += 1
+        return StepResult(self._observe(episodes), success, diverged, steps)
+
+    def _plan(self, arm: int, episodes: IntArray, pairs: IntArray, arguments: FloatArray) -> "_MixedPath":
+        """Plan one arm's motion for all episodes, skill by skill."""
+        space = self._task.pairs
+        joints = self._simulation.arm_joints(episodes)[:, arm]
+        poses = self._simulation.object_poses(episodes)
+        chosen = space.skill_index(pairs, arm)
+        mixed = _MixedPath(len(episodes))
+        for index, skill in enumerate(space.skills):
+            rows = np.flatnonzero(chosen == index)
+            if not len(rows):
+                continue
+            context = PlanningContext(
+                arm=sawyer_pair()[arm],
+                gripper=rethink_gripper(),
+                joints=joints[rows],
+                opening=self._opening[episodes[rows], arm],
+                object_position=poses[rows, :3],
+                object_quaternion=poses[rows, 3:],
+                object_size=np.broadcast_to(np.array(self._task.object_size), (len(rows), 3)),
+            )
+            mixed.add(rows, skill.plan(context, arguments[rows, space.columns(arm, index)]))
+        return mixed
+
+    def _execute(
+        self, episodes: IntArray, paths: Sequence["_MixedPath"]
+    ) -> tuple[BoolArray, BoolArray, IntArray]:
+        """Run both arms' paths, in chunks; return success, divergence and physics steps [M]."""
+        duration = np.maximum(paths[0].duration, paths[1].duration)
+        chunks = np.ceil(duration / (CHUNK * TIMESTEP) - 1e-9).astype(np.int64)
+        success = np.zeros(len(episodes), dtype=bool)
+        diverged = np.zeros(len(episodes), dtype=bool)
+        steps = np.zeros(len(episodes), dtype=np.int64)
+        for chunk in range(chunks.max(initial=0)):
+            rows = np.flatnonzero((chunks > chunk) & ~success & ~diverged)
+            if not len(rows):
+                break
+            times: FloatArray = (np.arange(CHUNK, dtype=np.float64) + (1 + chunk * CHUNK)) * TIMESTEP
+            controls = np.empty((len(rows), CHUNK, self._simulation.control_count))
+            for arm, path in enumerate(paths):
+                self._simulation.controls(arm, *path.sample(rows, times), out=controls)
+            advance = self._simulation.advance(episodes[rows], controls)
+            reached = self._task.goal_reached(self._start[episodes[rows]], advance.object_poses)
+            if self.measure_distance:
+                distance = self._task.goal_distance(self._start[episodes[rows]], advance.object_poses)
+                self.closest[episodes[rows]] = np.minimum(self.closest[episodes[rows]], distance.min(axis=1))
+            success[rows] = reached.any(axis=1) & ~advance.diverged
+            diverged[rows] = advance.diverged
+            steps[rows] += CHUNK
+        return success, diverged, steps
+
+    def _observe(self, episodes: IntArray) -> FloatArray:
+        simulation = self._simulation
+        return observe(
+            self._task.geometry,
+            simulation.arm_joints(episodes),
+            simulation.arm_velocities(episodes),
+            simulation.object_poses(episodes),
+            self._time[episodes],
+        )
+
+    def close(self) -> None:
+        """Stop the simulation's threads."""
+        self._simulation.close()
+
+
+class _MixedPath:
+    """One arm's paths for M episodes that run different skills."""
+
+    def __init__(self, count: int) -> None:
+        self.duration: FloatArray = np.zeros(count)
+        self.final_opening: FloatArray = np.zeros(count)
+        self._parts: list[ArmPath] = []
+        self._part: IntArray = np.zeros(count, dtype=np.int64)
+        self._row: IntArray = np.zeros(count, dtype=np.int64)
+
+    def add(self, rows: IntArray, path: ArmPath) -> None:
+        self.duration[rows] = path.duration
+        self.final_opening[rows] = path.opening[:, -1]
+        self._part[rows] = len(self._parts)
+        self._row[rows] = np.arange(len(rows))
+        self._parts.append(path)
+
+    def sample(self, rows: IntArray, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return joints, velocities and openings of `rows` at `times`; see `ArmPath.sample`."""
+        shape = (len(rows), len(times))
+        joints, velocities, opening = np.empty((*shape, 7)), np.empty((*shape, 7)), np.empty(shape)
+        for index, path in enumerate(self._parts):
+            here = np.flatnonzero(self._part[rows] == index)
+            if len(here):
+                sampled = path.rows(self._row[rows[here]]).sample(times)
+                joints[here], velocities[here], opening[here] = sampled
+        return joints, velocities, opening

@@ -1,0 +1,178 @@
+"""Batched physics: many episodes of one scene, advanced in C by `mujoco.rollout`."""
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import mujoco.rollout
+import numpy as np
+
+from taskschema.arrays import BoolArray, FloatArray, IntArray
+from taskschema.kinematics.sawyer import rethink_gripper
+from taskschema.skills.pairs import ARMS
+from taskschema.tasks.scene_task import ObjectInstance, SceneTask
+from taskschema_worker.scenes import TIMESTEP, scene_model
+
+ARM_JOINTS = 7
+TEMPLATE_DENSITY = 1000.0
+"""Density that object models are written with [kg/m^3]."""
+CLOSED_COMMAND = -0.1
+"""Finger set-point far inside the object [m]: the finger then presses with its full force at any width."""
+
+
+class SceneIndices:
+    """Where both arms and the object stand in the simulator's vectors."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        arm_names = [[f"{arm}_right_j{joint}" for joint in range(ARM_JOINTS)] for arm in ARMS]
+        finger_names = [[f"{arm}_{finger}_finger_joint" for finger in "lr"] for arm in ARMS]
+        self.arm_positions = self._table(
+            [[model.joint(name).qposadr[0] for name in row] for row in arm_names]
+        )
+        self.arm_velocities = self._table(
+            [[model.joint(name).dofadr[0] for name in row] for row in arm_names]
+        )
+        self.arm_controls = self._table([[model.actuator(name).id for name in row] for row in arm_names])
+        self.finger_positions = self._table(
+            [[model.joint(name).qposadr[0] for name in row] for row in finger_names]
+        )
+        self.finger_controls = self._table(
+            [[model.actuator(name).id for name in row] for row in finger_names]
+        )
+        start = int(model.joint("object").qposadr[0])
+        self.object_pose = slice(start, start + 7)
+
+    @staticmethod
+    def _table(rows: list[list[int]]) -> IntArray:
+        return np.array(rows, dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class Advance:
+    """Where a stretch of physics led, for M episodes of S steps."""
+
+    object_poses: FloatArray
+    """[M, S, 7]"""
+    diverged: BoolArray
+    """[M] whether the simulator gave up."""
+
+
+class Simulation:
+    """States of N episodes of one scene.
+
+    An episode's states follow from its own object and controls alone: not from the other episodes, not from
+    the number of threads.
+    """
+
+    def __init__(self, task: SceneTask, threads: int) -> None:
+        self._template = scene_model(task)
+        self.indices = SceneIndices(self._template)
+        self._home = self._home_state(task)
+        self._lag = self._servo_lag()
+        self._gripper = rethink_gripper()
+        self._models: list[mujoco.MjModel] = []
+        self._scratch = mujoco.MjData(self._template)
+        self._data = [mujoco.MjData(self._template) for _ in range(max(threads, 1))]
+        # A pool of one thread would only add switches: the calling thread does the work.
+        self._rollout = mujoco.rollout.Rollout(nthread=threads if threads > 1 else 0)
+        self.control_count: int = self._template.nu
+        """nu"""
+        self._spec = int(mujoco.mjtState.mjSTATE_CTRL.value)
+        self.positions: FloatArray = np.empty((0, self._template.nq))
+        """[N, nq]"""
+        self.velocities: FloatArray = np.empty((0, self._template.nv))
+        """[N, nv]"""
+        self._warmstart: FloatArray = np.empty((0, self._template.nv))
+
+    def _home_state(self, task: SceneTask) -> FloatArray:
+        positions: FloatArray = np.array(self._template.qpos0, dtype=np.float64)
+        positions[self.indices.arm_positions] = task.home_joints
+        lower, upper = self._template.jnt_range[self._template.joint("left_l_finger_joint").id]
+        self._finger_range = (float(lower), float(upper))
+        positions[self.indices.finger_positions] = [[upper, -upper]] * 2
+        return positions
+
+    def _servo_lag(self) -> FloatArray:
+        """Return by how many seconds [7] set-points lead, against the delay of the servos' damping."""
+        controls = self.indices.arm_controls[0]
+        return np.array(
+            -self._template.actuator_biasprm[controls, 2] / self._template.actuator_gainprm[controls, 0]
+        )
+
+    def reset(self, instances: Sequence[ObjectInstance]) -> None:
+        """Start one episode per instance: arms at home with open grippers, everything at rest."""
+        count = len(instances)
+        while len(self._models) < count:
+            self._models.append(copy.copy(self._template))
+        for model, instance in zip(self._models, instances, strict=False):
+            self._set_density(model, instance.density)
+        self.positions = np.tile(self._home, (count, 1))
+        self.positions[:, self.indices.object_pose] = [instance.pose for instance in instances]
+        self.velocities = np.zeros((count, self._template.nv))
+        self._warmstart = np.zeros((count, self._template.nv))
+
+    def _set_density(self, model: mujoco.MjModel, density: float) -> None:
+        body = self._template.body("object").id
+        factor = density / TEMPLATE_DENSITY
+        model.body_mass[body] = self._template.body_mass[body] * factor
+        model.body_inertia[body] = self._template.body_inertia[body] * factor
+        mujoco.mj_setConst(model, self._scratch)
+
+    def controls(
+        self, arm: int, joints: FloatArray, velocities: FloatArray, opening: FloatArray, out: FloatArray
+    ) -> None:
+        """Write one arm's set-points [M, S, ...] into simulator controls `out` [M, S, nu]."""
+        out[:, :, self.indices.arm_controls[arm]] = joints + self._lag * velocities
+        lower, upper = self._finger_range
+        travel = lower + 0.5 * (opening - self._gripper.closed)
+        finger = np.where(opening > self._gripper.closed, np.minimum(travel, upper), CLOSED_COMMAND)
+        out[:, :, self.indices.finger_controls[arm]] = np.stack([finger, -finger], axis=2)
+
+    def advance(self, episodes: IntArray, controls: FloatArray) -> Advance:
+        """Advance the episodes [M] by the controls [M, S, nu], each from where it stands."""
+        count, steps, _ = controls.shape
+        nq = self._template.nq
+        initial = np.concatenate(
+            [np.zeros((count, 1)), self.positions[episodes], self.velocities[episodes]], axis=1
+        )
+        states = np.empty((count, steps, initial.shape[1]))
+        self._rollout.rollout(
+            [self._models[episode] for episode in episodes],
+            self._data,
+            initial,
+            controls,
+            control_spec=self._spec,
+            skip_checks=True,
+            nstep=steps,
+            initial_warmstart=self._warmstart[episodes],
+            state=states,
+        )
+        # The simulator freezes a state it cannot continue: its clock stands still.
+        final = states[:, -1]
+        diverged = ~(
+            (np.abs(final[:, 0] - steps * TIMESTEP) < 0.5 * TIMESTEP) & np.isfinite(final).all(axis=1)
+        )
+        good = episodes[~diverged]
+        self.positions[good] = final[~diverged, 1 : 1 + nq]
+        self.velocities[good] = final[~diverged, 1 + nq :]
+        before = states[:, -2, 1 + nq :] if steps > 1 else initial[:, 1 + nq :]
+        self._warmstart[good] = ((final[:, 1 + nq :] - before) / TIMESTEP)[~diverged]
+        poses = self.indices.object_pose
+        return Advance(states[:, :, 1 + poses.start : 1 + poses.stop], diverged)
+
+    def arm_joints(self, episodes: IntArray) -> FloatArray:
+        """Return measured joint angles [M, 2, 7] of both arms [rad]."""
+        return self.positions[episodes][:, self.indices.arm_positions]
+
+    def arm_velocities(self, episodes: IntArray) -> FloatArray:
+        """Return measured joint velocities [M, 2, 7] of both arms [rad/s]."""
+        return self.velocities[episodes][:, self.indices.arm_velocities]
+
+    def object_poses(self, episodes: IntArray) -> FloatArray:
+        """Return the object's pose [M, 7]."""
+        return self.positions[episodes][:, self.indices.object_pose]
+
+    def close(self) -> None:
+        """Stop the threads."""
+        self._rollout.close()

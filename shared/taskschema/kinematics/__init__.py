@@ -1,0 +1,1 @@
+"""Batched kinematics of the arms: rotations, forward kinematics, Jacobian, inverse kinematics."""

@@ -1,0 +1,99 @@
+"""Inverse kinematics by damped least squares, in batches."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taskschema.arrays import BoolArray, FloatArray
+from taskschema.kinematics.arm import ArmKinematics
+from taskschema.kinematics.rotation import rotation_error
+
+POSITION_TOLERANCE = 2e-4
+"""[m]"""
+ORIENTATION_TOLERANCE = 1e-3
+"""[rad]"""
+ITERATIONS = 16
+"""Most iterations with position and orientation together, and again for position first."""
+ORIENTATION_WEIGHT = 0.3
+"""Metres of position error that one radian counts as."""
+FALLBACK_ORIENTATION_WEIGHT = 0.01
+"""The same once a pose has proved out of reach: position before orientation."""
+DAMPING = 0.1
+"""Damping per squared error: strong far away, none at the goal (Sugihara 2011, 10.1109/TRO.2011.2148230)."""
+DAMPING_FLOOR = 1e-6
+LARGEST_STEP = 0.5
+"""[rad] largest joint step of one iteration."""
+
+
+@dataclass(frozen=True)
+class InverseResult:
+    """Joint angles found, and which poses they reach."""
+
+    joints: FloatArray
+    """[N, J] inside the joint limits [rad]."""
+    reached: BoolArray
+    """[N] whether position and orientation are within tolerance."""
+
+
+def solve_inverse(
+    arm: ArmKinematics, position: FloatArray, rotation: FloatArray, seed: FloatArray
+) -> InverseResult:
+    """Find joint angles for end-effector poses in the world frame.
+
+    Each row stops when it has converged and is then frozen, so that its result does not depend on the others.
+    A pose out of reach is approached as near as it can be: position before orientation.
+
+    Args:
+        arm: the arm of J joints.
+        position: [N, 3] in metres.
+        rotation: [N, 3, 3].
+        seed: [N, J] joint angles to start from.
+    """
+    joints, reached = _iterate(arm, position, rotation, seed, ORIENTATION_WEIGHT)
+    far = np.flatnonzero(~reached)
+    if len(far):
+        again, _ = _iterate(arm, position[far], rotation[far], joints[far], FALLBACK_ORIENTATION_WEIGHT)
+        joints[far] = again
+    return InverseResult(joints, reached)
+
+
+def _iterate(
+    arm: ArmKinematics, position: FloatArray, rotation: FloatArray, seed: FloatArray, weight: float
+) -> tuple[FloatArray, BoolArray]:
+    joints = np.clip(np.array(seed, dtype=np.float64), arm.lower, arm.upper)
+    reached = np.zeros(len(joints), dtype=bool)
+    active = np.arange(len(joints))
+    for _ in range(ITERATIONS):
+        here, facing, jacobian = arm.forward_and_jacobian(joints[active])
+        offset = position[active] - here
+        turn = rotation_error(rotation[active], facing)
+        done = (_norm(offset) < POSITION_TOLERANCE) & (_norm(turn) < ORIENTATION_TOLERANCE)
+        reached[active[done]] = True
+        active = active[~done]
+        if not len(active):
+            break
+        step = _damped_step(jacobian[~done], offset[~done], turn[~done], weight)
+        joints[active] = np.clip(joints[active] + step, arm.lower, arm.upper)
+    return joints, reached
+
+
+def _damped_step(jacobian: FloatArray, offset: FloatArray, turn: FloatArray, weight: float) -> FloatArray:
+    """Return the step J^T (J J^T + damping I)^-1 e [N, J] of the weighted error e."""
+    scale = np.array([1.0, 1.0, 1.0, weight, weight, weight])
+    weighted = jacobian * scale[:, None]
+    error = np.concatenate([offset, turn], axis=1) * scale
+    damping = DAMPING * _norm(error) ** 2 + DAMPING_FLOOR
+    # Stacked products and solves run matrix by matrix: the batch size does not enter.
+    normal = weighted @ np.swapaxes(weighted, 1, 2)
+    normal[:, range(6), range(6)] += damping[:, None]
+    step = (np.swapaxes(weighted, 1, 2) @ np.linalg.solve(normal, error[:, :, None]))[:, :, 0]
+    largest = np.abs(step).max(axis=1)
+    return np.asarray(step * np.minimum(1.0, LARGEST_STEP / np.maximum(largest, 1e-12))[:, None])
+
+
+def _norm(vectors: FloatArray) -> FloatArray:
+    """Return the lengths [N] of [N, d], summed in a fixed order."""
+    total = np.zeros(len(vectors))
+    for column in range(vectors.shape[1]):
+        total = total + vectors[:, column] * vectors[:, column]
+    return np.sqrt(total)

@@ -1,0 +1,27 @@
+"""What a skill knows when its step starts."""
+
+from dataclasses import dataclass
+
+from taskschema.arrays import FloatArray
+from taskschema.kinematics.arm import ArmKinematics
+from taskschema.kinematics.sawyer import Gripper
+
+
+@dataclass(frozen=True, eq=False)
+class PlanningContext:
+    """One arm's state and the object's, for N episodes, in the world frame."""
+
+    arm: ArmKinematics
+    """The arm, where it stands in the world."""
+    gripper: Gripper
+    """Its gripper's geometry."""
+    joints: FloatArray
+    """[N, 7] measured joint angles [rad]."""
+    opening: FloatArray
+    """[N] gripper set-point: opening between the pads [m]."""
+    object_position: FloatArray
+    """[N, 3] the object's centre [m]; the table's top is at z = 0."""
+    object_quaternion: FloatArray
+    """[N, 4] the object's orientation, w x y z."""
+    object_size: FloatArray
+    """[N, 3] the object's edge lengths in its own frame [m]."""

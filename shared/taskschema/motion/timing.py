@@ -1,0 +1,133 @@
+"""The fastest run along a path of the joints that keeps velocity and acceleration limits.
+
+The path is a cubic spline through waypoints. Its time law is found on a grid by one pass forwards and one
+backwards over the squared path speed, as in time-optimal path parameterisation (Bobrow et al. 1985), with
+the acceleration that curvature needs taken off the limit.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taskschema.arrays import FloatArray
+from taskschema.kinematics.arm import ArmKinematics
+from taskschema.motion.path import ArmPath
+
+LIMIT_FRACTION = 0.92
+"""Share of the velocity and acceleration limits that plans use: the rest is for between grid points."""
+CURVATURE_FRACTION = 0.6
+"""Largest share of an acceleration limit that the path's curvature may take."""
+SHORTEST_SEGMENT = 1e-6
+"""Length below which two waypoints are one."""
+
+
+@dataclass(frozen=True)
+class PathLimits:
+    """Limits along the path itself, in the unit that `lengths` are given in."""
+
+    speed: float = np.inf
+    acceleration: float = np.inf
+
+
+def fastest_path(
+    arm: ArmKinematics,
+    waypoints: FloatArray,
+    opening: FloatArray,
+    *,
+    lengths: FloatArray | None = None,
+    limits: PathLimits = PathLimits(),  # noqa: B008 - frozen
+    grid: int = 12,
+) -> ArmPath:
+    """Return the fastest path through waypoints, at rest at both ends.
+
+    Args:
+        arm: whose joint velocity and acceleration limits hold.
+        waypoints: [N, K, 7] joint angles [rad].
+        opening: [N] gripper set-point throughout [m].
+        lengths: [N, K - 1] length of each segment, such as metres travelled; joint-space distance if None.
+        limits: of speed and acceleration along that length.
+        grid: intervals per segment.
+    """
+    steps = np.diff(waypoints, axis=1)
+    if lengths is None:
+        squares = steps * steps
+        total = squares[..., 0]
+        for joint in range(1, squares.shape[-1]):
+            total = total + squares[..., joint]
+        lengths = np.sqrt(total)
+    lengths = np.maximum(lengths, SHORTEST_SEGMENT)
+    angles, slopes, bends = _spline(waypoints, lengths, grid)
+    spacing = np.repeat(lengths / grid, grid, axis=1)
+    squared = _squared_speeds(arm, slopes, bends, spacing, limits)
+    speed = np.sqrt(squared)
+    times = np.zeros_like(squared)
+    np.cumsum(2.0 * spacing / (speed[:, :-1] + speed[:, 1:]), axis=1, out=times[:, 1:])
+    # Rows whose waypoints coincide do not move and take no time.
+    still = np.abs(steps).max(axis=(1, 2)) < SHORTEST_SEGMENT
+    times[still] = 0.0
+    return ArmPath(
+        times=times,
+        joints=np.concatenate([angles[:, :, 0], angles[:, -1:, 1]], axis=1),
+        velocities=np.concatenate([slopes[:, :, 0], slopes[:, -1:, 1]], axis=1) * speed[:, :, None],
+        opening=np.repeat(np.asarray(opening)[:, None], squared.shape[1], axis=1),
+    )
+
+
+def _spline(
+    waypoints: FloatArray, lengths: FloatArray, grid: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return angles and two derivatives by length at both ends of the grid's intervals [N, I, 2, 7]."""
+    count, knots, joints = waypoints.shape
+    h = lengths[:, :, None]
+    secants = np.diff(waypoints, axis=1) / h
+    tangents = np.empty_like(waypoints)
+    if knots == 2:
+        tangents[:] = secants
+    else:
+        before, after = h[:, :-1], h[:, 1:]
+        tangents[:, 1:-1] = (after * secants[:, :-1] + before * secants[:, 1:]) / (before + after)
+        tangents[:, 0] = 1.5 * secants[:, 0] - 0.5 * tangents[:, 1]
+        tangents[:, -1] = 1.5 * secants[:, -1] - 0.5 * tangents[:, -2]
+    u = np.stack([np.arange(grid) / grid, (np.arange(grid) + 1) / grid], axis=1)[None, None, :, :, None]
+    p0, p1 = waypoints[:, :-1, None, None, :], waypoints[:, 1:, None, None, :]
+    m0, m1 = tangents[:, :-1, None, None, :], tangents[:, 1:, None, None, :]
+    length = h[:, :, None, None, :]
+    difference = p1 - p0
+    square, cube = u * u, u * u * u
+    angles = (
+        p0
+        + (3 * square - 2 * cube) * difference
+        + ((cube - 2 * square + u) * m0 + (cube - square) * m1) * length
+    )
+    slopes = (
+        6 * (u - square) * difference / length + (3 * square - 4 * u + 1) * m0 + (3 * square - 2 * u) * m1
+    )
+    bends = (6 * (1 - 2 * u) * difference / length + (6 * u - 4) * m0 + (6 * u - 2) * m1) / length
+    shape = (count, (knots - 1) * grid, 2, joints)
+    return angles.reshape(shape), slopes.reshape(shape), bends.reshape(shape)
+
+
+def _squared_speeds(
+    arm: ArmKinematics, slopes: FloatArray, bends: FloatArray, spacing: FloatArray, limits: PathLimits
+) -> FloatArray:
+    """Return the squared path speed [N, I + 1] at the grid's points."""
+    velocity, acceleration = LIMIT_FRACTION * arm.velocity, LIMIT_FRACTION * arm.acceleration
+    slope, bend = np.maximum(np.abs(slopes), 1e-9), np.maximum(np.abs(bends), 1e-9)
+    top = np.minimum(
+        ((velocity / slope) ** 2).min(axis=3), (CURVATURE_FRACTION * acceleration / bend).min(axis=3)
+    )
+    ceiling = np.empty((len(spacing), spacing.shape[1] + 1))
+    ceiling[:, 1:-1] = np.minimum(top[:, 1:, 0], top[:, :-1, 1])
+    ceiling[:, 0] = ceiling[:, -1] = 0.0
+    ceiling = np.minimum(ceiling, limits.speed**2)
+    steepest, sharpest = slope.max(axis=2), bend.max(axis=2)
+    squared = ceiling.copy()
+    for forward in (True, False):
+        intervals = range(spacing.shape[1]) if forward else range(spacing.shape[1] - 1, -1, -1)
+        for interval in intervals:
+            start, end = (interval, interval + 1) if forward else (interval + 1, interval)
+            now = squared[:, start]
+            spare = (acceleration - sharpest[:, interval] * now[:, None]) / steepest[:, interval]
+            change = np.minimum(np.maximum(spare.min(axis=1), 0.0), limits.acceleration)
+            squared[:, end] = np.minimum(squared[:, end], now + 2.0 * spacing[:, interval] * change)
+    return squared

@@ -1,0 +1,102 @@
+"""Tasks with a MuJoCo scene: two Sawyers at opposing ends of a table, and one object on it.
+
+Nothing here needs the simulator: workers compose the scene, a robot agent uses the same task without one.
+"""
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from taskschema.arrays import AnyArray, BoolArray, FloatArray
+from taskschema.kinematics.inverse import solve_inverse
+from taskschema.kinematics.rotation import vertical_turn
+from taskschema.kinematics.sawyer import sawyer_pair
+from taskschema.observation import ObservationLayout
+from taskschema.skills.top_grasp import POINTING_DOWN
+from taskschema.tasks.scene_observation import SceneGeometry, scene_layout
+from taskschema.tasks.task import Task
+
+HOME_SEED = (-0.45, -1.318, 0.0, 2.525, 0.0, 0.363, 1.27)
+"""Joint angles near the home pose [rad]; the elbow is up, and the wrist in the middle of its range."""
+HOME_DISTANCE = 0.24
+"""From the table's centre line to each hand at the start of an episode [m]."""
+HOME_HEIGHT = 0.16
+"""Of the end effectors above the table at the start of an episode [m]."""
+
+
+@dataclass(frozen=True)
+class ObjectInstance:
+    """What one episode's object is: drawn at its reset."""
+
+    position: tuple[float, float, float]
+    """Centre in the world frame [m]."""
+    quaternion: tuple[float, float, float, float]
+    """Orientation in the world frame, w x y z."""
+    density: float
+    """[kg/m^3]"""
+
+    @property
+    def pose(self) -> FloatArray:
+        """[7] position and quaternion."""
+        return np.array([*self.position, *self.quaternion])
+
+
+class SceneTask(Task):
+    """A task whose physics runs in MuJoCo: an object, how it varies, and the goal of its motion."""
+
+    @property
+    @abstractmethod
+    def object_size(self) -> tuple[float, float, float]:
+        """Edge lengths of the object in its own frame [m]: the observation's geometry."""
+
+    @property
+    @abstractmethod
+    def object_mjcf(self) -> str:
+        """The object as an MJCF model: one body `object` with a free joint, of density 1000 kg/m^3."""
+
+    @abstractmethod
+    def draw_instance(self, generator: np.random.Generator) -> ObjectInstance:
+        """Draw an episode's object."""
+
+    @abstractmethod
+    def corner_instances(self) -> Sequence[tuple[str, ObjectInstance]]:
+        """Return the extremes of the randomisation, each with a name: the audit tests every one."""
+
+    @abstractmethod
+    def goal_reached(self, start: AnyArray, poses: AnyArray) -> BoolArray:
+        """Test the goal along a motion.
+
+        Args:
+            start: [M, 7] the object's pose at the start of the episode: position, then quaternion w x y z.
+            poses: [M, S, 7] its pose over time.
+
+        Returns:
+            [M, S] whether the goal holds.
+        """
+
+    @abstractmethod
+    def goal_distance(self, start: AnyArray, poses: AnyArray) -> FloatArray:
+        """Return how far from the goal a motion is, [M, S]; 0 where it holds. Audits search with it."""
+
+    @cached_property
+    def home_joints(self) -> FloatArray:
+        """[2, 7] joint angles of both arms at the start of an episode [rad]: hands clear of the object."""
+        rows = []
+        for arm, side in zip(sawyer_pair(), (-1.0, 1.0), strict=True):
+            position = np.array([[0.0, side * HOME_DISTANCE, HOME_HEIGHT]])
+            rotation = vertical_turn(np.array([0.0 if side < 0 else np.pi])) @ POINTING_DOWN
+            rows.append(solve_inverse(arm, position, rotation, np.array([HOME_SEED])).joints[0])
+        return np.stack(rows)
+
+    @cached_property
+    def geometry(self) -> SceneGeometry:
+        """What the observation and its scaling are relative to."""
+        return SceneGeometry(self.object_size, self.home_joints, self.horizon)
+
+    @cached_property
+    def observation(self) -> ObservationLayout:
+        """The paper's low-dimensional state; see `scene_layout`."""
+        return scene_layout(self.geometry)
