@@ -5,21 +5,21 @@ import logging
 from collections.abc import Sequence
 from typing import Any
 
-from fastapi import Depends, FastAPI, Request
+from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.security import HTTPBearer
 from fastapi_offline import FastAPIOffline
 from starlette.exceptions import HTTPException
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.responses import JSONResponse
 
 from taskschema import __version__
-from taskschema.errors import BusError, RunFolderError, TaskschemaError
+from taskschema.errors import BusError, RunFolderError, TaskschemaError, WireError
 from taskschema_learner.api.access import Access
 from taskschema_learner.api.gate import Gate
 from taskschema_learner.api.models import Problem
 from taskschema_learner.api.problems import RequestError
 from taskschema_learner.api.routes import ROUTERS
+from taskschema_learner.api.routes.answers import BEARER
 from taskschema_learner.api.source import RunSource
 from taskschema_learner.api.state import ApiState
 
@@ -56,14 +56,15 @@ def build_app(source: RunSource, access: Access, default_run: str | None = None)
         static_url="/docs/static",
         max_body_size=MAX_BODY_BYTES,
         responses={
+            400: {"description": "The body is no JSON, or the Host header is a foreign one."},
+            413: {"description": f"The body is larger than {MAX_BODY_BYTES} bytes."},
             422: {"model": Problem, "description": "Something about the request is wrong."},
             503: {"model": Problem, "description": "Redis cannot be reached; try again."},
         },
     )
     app.state.api = ApiState(source, default_run)
-    bearer = Depends(HTTPBearer(auto_error=False, description="The API's token, printed at start."))
     for router in ROUTERS:
-        app.include_router(router, dependencies=[bearer])
+        app.include_router(router, dependencies=[] if access.address.is_loopback else [BEARER])
     app.add_exception_handler(TaskschemaError, _on_taskschema_error)
     app.add_exception_handler(RequestValidationError, _on_invalid_request)
     app.add_exception_handler(HTTPException, _on_http_error)
@@ -89,7 +90,7 @@ class AsciiJSONResponse(JSONResponse):
 async def _on_taskschema_error(request: Request, error: Exception) -> JSONResponse:
     if isinstance(error, RequestError):
         return _problem(error.status, str(error), RETRY_AFTER if error.status == 503 else None)
-    if isinstance(error, BusError | RunFolderError):
+    if isinstance(error, BusError | RunFolderError | WireError):
         return _problem(503, str(error), RETRY_AFTER)
     assert isinstance(error, TaskschemaError)
     return _problem(409, str(error))
@@ -112,6 +113,8 @@ async def _on_http_error(request: Request, error: Exception) -> JSONResponse:
     line = str(error.detail)
     if error.status_code == 404:
         line = f"There is no {request.url.path[:100]} here: GET /docs lists every path."
+    elif error.status_code == 400:
+        line = "The request's body is no JSON in UTF-8."
     elif error.status_code == 405:
         line = f"{request.method[:20]} is not possible here: GET /docs lists every path and method."
     headers = dict(error.headers) if error.headers else None

@@ -7,6 +7,7 @@ import signal
 import socket
 import sys
 from pathlib import Path
+from types import FrameType
 
 from taskschema.errors import ConfigError, TaskschemaError
 from taskschema_learner.api.access import TOKEN_VARIABLE, Access, new_token
@@ -19,8 +20,10 @@ _PR_SET_PDEATHSIG = 1
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Serve until told to stop; return the exit status."""
+    """Serve until SIGINT or SIGTERM; return the exit status."""
     options = _parser().parse_args(arguments)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _leave)  # the server sends itself the signal again once it has shut down
     try:
         if options.parent is not None:
             _die_with(options.parent)
@@ -67,6 +70,10 @@ def _source(folder: Path | None) -> RunSource:
     if not url:
         raise ConfigError(f"Set {REDIS_VARIABLE} to redis://HOST:PORT/0, or serve a folder with --folder.")
     return RedisSource.connect(url)
+
+
+def _leave(number: int, frame: FrameType | None) -> None:
+    raise SystemExit(0)
 
 
 def _die_with(parent: int) -> None:
