@@ -67,9 +67,9 @@ class SchemaConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
     trainer: str = "algorithm1"
     """Name of the schema trainer."""
-    alpha: float = 1.0
+    alpha: float = 2.0
     """Added to the logits of a successful trajectory's (step, pair)s (the paper gives no value)."""
-    beta: float = 2e-4
+    beta: float = 4e-4
     """Subtracted for a failed one (the paper gives no value)."""
     initial_logits: tuple[tuple[float, ...], ...] | None = None
     """[T, |X|] logits to start from (`--init-schema`); None: zeros, as in the paper."""

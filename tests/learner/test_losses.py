@@ -12,8 +12,7 @@ from torch import tensor
 from taskschema.skills.pairs import PairSpace
 from taskschema.tasks import get_task
 from taskschema_learner.losses import (
-    argument_entropy,
-    argument_log_probability,
+    argument_terms,
     clipped_policy_loss,
     clipped_value_loss,
     normalise,
@@ -29,12 +28,14 @@ def log_probability(
     pair: tuple[str, str], arguments: torch.Tensor, mean: torch.Tensor, log_std: torch.Tensor
 ) -> float:
     used = torch.from_numpy(PAIRS.used[[PAIRS.index(*pair)]]).double()
-    return float(argument_log_probability(arguments[None], mean[None], log_std[None], used))
+    return float(argument_terms(arguments[None], mean[None], log_std[None], used)[0])
 
 
 def entropy(pair: tuple[str, str], log_std: torch.Tensor) -> float:
     used = torch.from_numpy(PAIRS.used[[PAIRS.index(*pair)]]).double()
-    return float(argument_entropy(log_std[None], used))
+    return float(
+        argument_terms(torch.ones(1, 6).double(), torch.zeros(1, 6).double(), log_std[None], used)[1]
+    )
 
 
 def test_log_probability_by_hand() -> None:
@@ -70,8 +71,7 @@ def test_unused_arguments_have_no_gradient_and_no_nan() -> None:
     mean = torch.zeros(1, 6, requires_grad=True)
     log_std = torch.full((1, 6), -4.0, requires_grad=True)
     used = torch.from_numpy(PAIRS.used[[PAIRS.index("no_op", "no_op")]]).float()
-    total = argument_log_probability(torch.ones(1, 6), mean, log_std, used) + argument_entropy(log_std, used)
-    total.sum().backward()
+    sum(argument_terms(torch.ones(1, 6), mean, log_std, used)).sum().backward()
     assert not mean.grad.any()
     assert not log_std.grad.any()
 
@@ -94,10 +94,11 @@ def test_density_integrates_to_one_and_entropy_is_its_integral(
     used = torch.from_numpy(PAIRS.used[[index]]).double().expand(len(grid), -1)
     means, log_stds = torch.full_like(arguments, mean), torch.full_like(arguments, log_std)
     others = (len(columns) - 1) * (-log_std - 0.5 * math.log(2 * math.pi))
-    log_density = argument_log_probability(arguments, means, log_stds, used) - others
+    log_density, entropies = argument_terms(arguments, means, log_stds, used)
+    log_density = log_density - others
     assert float(torch.trapezoid(log_density.exp(), grid)) == pytest.approx(1.0, abs=1e-6)
     integral = float(torch.trapezoid(-log_density.exp() * log_density, grid))
-    assert float(argument_entropy(log_stds, used)[0]) == pytest.approx(len(columns) * integral, abs=1e-5)
+    assert float(entropies[0]) == pytest.approx(len(columns) * integral, abs=1e-5)
 
 
 @given(logits=st.lists(st.floats(-5, 5), min_size=2, max_size=9), shift=st.floats(-100, 100))
@@ -144,3 +145,11 @@ def test_normalise_by_hand() -> None:
     assert narrow.tolist() == pytest.approx([-0.1, 0.1], abs=1e-6)
     assert normalise(tensor([0.3, 0.3]), 0.0).tolist() == pytest.approx([0.0, 0.0])
     assert normalise(tensor([0.3]), 0.1).tolist() == [0.0]
+
+
+def test_written_gradients_are_the_numerical_ones() -> None:
+    rng = torch.Generator().manual_seed(0)
+    arguments, mean, log_std = (torch.randn(4, 6, generator=rng, dtype=torch.float64) for _ in range(3))
+    used = torch.from_numpy(PAIRS.used[[0, 3, 4, 8]]).double()
+    inputs = (arguments, mean.requires_grad_(), log_std.requires_grad_(), used)
+    assert torch.autograd.gradcheck(argument_terms, inputs)

@@ -1,6 +1,7 @@
 """Log-probabilities, entropies and losses, as pure functions of B samples."""
 
 import math
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -8,12 +9,45 @@ from torch import Tensor
 _LOG_2PI = math.log(2.0 * math.pi)
 
 
-def argument_log_probability(arguments: Tensor, mean: Tensor, log_std: Tensor, used: Tensor) -> Tensor:
-    """Return the log-density [B] of raw samples under independent Gaussians, over the used ones only.
+class _ArgumentTerms(torch.autograd.Function):
+    """Log-probability and entropy of used arguments, with their gradients written out.
+
+    With z = (a - mean) / std:  d log p / d mean = used z / std,  d log p / d log std = used (z^2 - 1),
+    d H / d log std = used.
+    """
+
+    @staticmethod
+    def forward(  # noqa: D102
+        ctx: Any,  # noqa: ANN401
+        arguments: Tensor,
+        mean: Tensor,
+        log_std: Tensor,
+        used: Tensor,
+    ) -> tuple[Tensor, Tensor]:
+        inverse_std = torch.exp(-log_std)
+        z = (arguments - mean) * inverse_std * used
+        widths = (log_std * used).sum(dim=1)
+        count = used.sum(dim=1)
+        ctx.save_for_backward(z, inverse_std, used)
+        log_probability = -0.5 * ((z * z).sum(dim=1) + count * _LOG_2PI) - widths
+        return log_probability, torch.add(widths, count, alpha=0.5 * (_LOG_2PI + 1.0))
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[None, Tensor, Tensor, None]:  # noqa: ANN401, D102
+        of_log_probability, of_entropy = gradients[0][:, None], gradients[1][:, None]
+        z, inverse_std, used = ctx.saved_tensors
+        of_mean = of_log_probability * z
+        of_log_std = of_mean * z + (of_entropy - of_log_probability) * used
+        return None, of_mean * inverse_std, of_log_std, None
+
+
+def argument_terms(arguments: Tensor, mean: Tensor, log_std: Tensor, used: Tensor) -> tuple[Tensor, Tensor]:
+    """Return log-density [B] and differential entropy [B, nat] of the used ones of independent Gaussians.
 
         log p = -1/2 sum_i used_i (((a_i - mean_i) / std_i)^2 + 2 log std_i + log 2 pi)
+        H     =      sum_i used_i (log std_i + log(2 pi e) / 2)
 
-    A pair whose skills take no arguments has log-density 0.
+    A pair whose skills take no arguments has log-density 0 and entropy 0.
 
     Args:
         arguments: [B, A] raw normalised samples.
@@ -22,16 +56,10 @@ def argument_log_probability(arguments: Tensor, mean: Tensor, log_std: Tensor, u
         used: [B, A] 1 for the arguments of the chosen pair's skills, of both arms, else 0.
 
     """
-    z = (arguments - mean) * torch.exp(-log_std)
-    return -0.5 * (used * (z * z + 2.0 * log_std + _LOG_2PI)).sum(dim=1)
-
-
-def argument_entropy(log_std: Tensor, used: Tensor) -> Tensor:
-    """Return the differential entropy [B, nat] of the used arguments.
-
-    H = sum_i used_i (log std_i + log(2 pi e) / 2)
-    """
-    return (used * (log_std + 0.5 * (_LOG_2PI + 1.0))).sum(dim=1)
+    terms: tuple[Tensor, Tensor] = _ArgumentTerms.apply(  # type: ignore[no-untyped-call]
+        arguments, mean, log_std, used
+    )
+    return terms
 
 
 def pair_log_probability(pair_logits: Tensor, pairs: Tensor) -> Tensor:

@@ -117,12 +117,11 @@ class _Bounded(torch.autograd.Function):
     def forward(ctx: Any, values: Tensor, low: float, high: float) -> Tensor:  # noqa: ANN401
         """Return values limited to [low, high]."""
         bounded = values.clamp(low, high)
-        # +1 at the upper bound, -1 at the lower one, 0 between
-        ctx.save_for_backward((values >= high).to(values.dtype) - (values <= low).to(values.dtype))
+        ctx.save_for_backward(values - bounded)
         return bounded
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None]:  # noqa: ANN401
         """Return the gradient, 0 where descending it would leave the bounds."""
-        (side,) = ctx.saved_tensors
-        return gradients[0] * (gradients[0] * side >= 0), None, None
+        (excess,) = ctx.saved_tensors
+        return gradients[0] * (gradients[0] * excess >= 0), None, None

@@ -12,8 +12,7 @@ from taskschema_learner.advantages import generalised_advantages
 from taskschema_learner.algorithms import make_algorithm
 from taskschema_learner.batch import Batch, Samples
 from taskschema_learner.losses import (
-    argument_entropy,
-    argument_log_probability,
+    argument_terms,
     pair_entropy,
     pair_log_probability,
 )
@@ -68,7 +67,7 @@ class Optimiser:
         pairs = torch.from_numpy(batch.pairs).to(like.device)
         with torch.no_grad():
             evaluation = self._network(inputs)
-            old = self._log_probabilities(evaluation, arguments, used, pairs)
+            old, _ = self._terms(evaluation, arguments, used, pairs)
         values = evaluation.value.cpu().numpy().astype(np.float64)
         advantages = generalised_advantages(
             batch.rewards, batch.padded(values), batch.lengths, self._config.gamma, self._algorithm.gae_lambda
@@ -85,24 +84,25 @@ class Optimiser:
         )
 
     @staticmethod
-    def _log_probabilities(evaluation: Evaluation, arguments: Tensor, used: Tensor, pairs: Tensor) -> Tensor:
-        result = argument_log_probability(arguments, evaluation.mean, evaluation.log_std, used)
+    def _terms(
+        evaluation: Evaluation, arguments: Tensor, used: Tensor, pairs: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Return log-probability [B] and entropy [B] of actions, of the pair only if the network chose it."""
+        log_probability, entropy = argument_terms(arguments, evaluation.mean, evaluation.log_std, used)
         if evaluation.pair_logits is not None:
-            result = result + pair_log_probability(evaluation.pair_logits, pairs)
-        return result
+            log_probability = log_probability + pair_log_probability(evaluation.pair_logits, pairs)
+            entropy = entropy + pair_entropy(evaluation.pair_logits)
+        return log_probability, entropy
 
     def _step(self, samples: Samples) -> tuple[Tensor, Tensor, Tensor]:
         """Take one gradient step on one minibatch: policy loss, value loss, gradient norm."""
         evaluation = self._network(samples.inputs)
-        new = self._log_probabilities(evaluation, samples.arguments, samples.used, samples.pairs)
-        entropy = argument_entropy(evaluation.log_std, samples.used).mean()
-        if evaluation.pair_logits is not None:
-            entropy = entropy + pair_entropy(evaluation.pair_logits).mean()
+        new, entropy = self._terms(evaluation, samples.arguments, samples.used, samples.pairs)
         policy_loss = self._algorithm.policy_loss(new, samples)
         value_loss = self._algorithm.value_loss(evaluation.value, samples)
         loss = (
             policy_loss
-            - self._config.entropy_coefficient * entropy
+            - self._config.entropy_coefficient * entropy.mean()
             + self._config.value_coefficient * value_loss
         )
         (gradient,) = torch.autograd.grad(loss, self._network.flat)
@@ -114,15 +114,15 @@ class Optimiser:
     def _statistics(self, samples: Samples, series: list[list[Tensor]]) -> UpdateStatistics:
         with torch.no_grad():
             evaluation = self._network(samples.inputs)
-            new = self._log_probabilities(evaluation, samples.arguments, samples.used, samples.pairs)
+            new, _ = self._terms(evaluation, samples.arguments, samples.used, samples.pairs)
+            _, entropy = argument_terms(samples.arguments, evaluation.mean, evaluation.log_std, samples.used)
             log_ratio = new - samples.old_log_probabilities
             outside = (log_ratio.exp() - 1.0).abs() > self._config.clip
             means = [torch.stack(values).mean() for values in series]
-            entropy = argument_entropy(evaluation.log_std, samples.used).mean()
         return UpdateStatistics(
             policy_loss=float(means[0]),
             value_loss=float(means[1]),
-            argument_entropy=float(entropy),
+            argument_entropy=float(entropy.mean()),
             approximate_kl=float(-log_ratio.mean()),
             clip_fraction=float(outside.double().mean()),
             gradient_norm=float(means[2]),
