@@ -30,9 +30,9 @@ def kill(server: EmbeddedRedis) -> None:
 
 
 def test_data_outlives_a_clean_stop(tmp_path: Path) -> None:
-    with EmbeddedRedis(tmp_path / "a folder's \"name\"") as server:
+    with EmbeddedRedis(tmp_path / 'a folder\'s "name"') as server:
         connect(server.url).set("key", "value")
-    with EmbeddedRedis(tmp_path / "a folder's \"name\"") as server:
+    with EmbeddedRedis(tmp_path / 'a folder\'s "name"') as server:
         assert connect(server.url).get("key") == b"value"
 
 
