@@ -3,11 +3,12 @@
 import statistics
 import threading
 import time
+from typing import Any
 
 import pytest
 from bus_setup import Run, deliver, encoded, gather, some_metrics, some_trajectories, toy_snapshot, wait_until
 
-from taskschema.bus import heartbeat
+from taskschema.bus import heartbeat, learner_bus
 from taskschema.bus.connection import connect
 from taskschema.bus.worker_bus import WorkerBus
 from taskschema.errors import BusError, ConfigError, QuarantineLimitError, UnknownNameError
@@ -210,6 +211,27 @@ def test_lost_slots_are_offered_again(run: Run, monkeypatch: pytest.MonkeyPatch)
     learner.results(0.3)
     assert sorted(deliver(worker)) == list(range(8))
     assert len(gather(learner, 8)) == 8
+
+
+def test_result_that_arrives_while_the_learner_looks_for_lost_slots(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(learner_bus, "QUIET_SECONDS", 0.05)
+    learner, worker = run.learner(), run.worker()
+    learner.open_round(0, toy_snapshot(), range(8))
+    look = learner_bus.open_items
+    arrivals: list[int] = []
+
+    def arriving_meanwhile(client: Any, keys: Any) -> Any:
+        arrivals.extend(deliver(worker))
+        return look(client, keys)
+
+    monkeypatch.setattr(learner_bus, "open_items", arriving_meanwhile)
+    assert len(gather(learner, 8)) == 8
+    assert arrivals == list(range(8))
+    assert run.open_slots() == []
+    assert run.client.hlen(run.keys.refusals) == 0
+    assert learner.quarantined == 0
 
 
 def test_slot_that_is_lost_again_and_again_stops_the_run(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -111,15 +111,14 @@ class LearnerBus:
         self._boundary = self._last_read
         self._door = self._new_door(round_index, slots, snapshot.sha256)
         self._ready = []
-        while self._read(block_ms=None)[0]:
-            pass
 
         def publish(records: RunRecords) -> None:
             records.write_policy(self._run, snapshot)
             records.set_state(self._run, "running")
             records.set_progress(self._run, round_index=round_index, version=snapshot.version)
 
-        self._offer_missing(publish)
+        while self._offer_missing(publish) is None:
+            self._read(block_ms=None)
         self._last_arrival = time.monotonic()
 
     @bus_errors()
@@ -182,19 +181,25 @@ class LearnerBus:
                 refusals.append(error)
         return len(entries), refusals
 
-    def _offer_again(self, refusals: Sequence[RefusedError]) -> None:
+    def _offer_again(self, refusals: list[RefusedError]) -> None:
         """Offer the slots that were lost, with the refused results or otherwise."""
+        while (lost := self._offer_missing()) is None:
+            refusals += self._read(block_ms=None)[1]
         known = {error.slot for error in refusals}
         reason = str(refusals[-1]) if refusals else "its result got lost"
-        for slot in self._offer_missing():
+        for slot in lost:
             if slot not in known:  # its result was refused for a header that did not even name it
                 self._quarantine.charge(slot, reason, self._door.round)
 
-    def _offer_missing(self, publish: Callable[[RunRecords], None] | None = None) -> list[int]:
-        """Offer the missing slots that nobody is offered, withdraw what is not wanted; return the former."""
+    def _offer_missing(self, publish: Callable[[RunRecords], None] | None = None) -> list[int] | None:
+        """Offer the missing slots that nobody is offered, withdraw what is not wanted; return the former.
+
+        Does nothing and returns None while results are unread: one of them may be a missing slot's, whose
+        offer went when it arrived.
+        """
         sha256 = self._door.policy_sha256
 
-        def plan(pipe: Any) -> list[int]:  # noqa: ANN401 - a pipeline, which redis-py leaves untyped
+        def plan(pipe: Any) -> list[int] | None:  # noqa: ANN401 - a pipeline, which redis-py leaves untyped
             missing = set(self._door.missing)
             unwanted: list[bytes] = []
             for entry_id, item in open_items(pipe, self._keys):
@@ -203,6 +208,8 @@ class LearnerBus:
                     missing.discard(item.slot)
                 else:
                     unwanted.append(entry_id)
+            if pipe.xrange(self._keys.trajectories, min=b"(" + self._last_read, count=1):
+                return None
             pipe.multi()
             if publish is not None:
                 publish(RunRecords(pipe))
