@@ -1,8 +1,10 @@
 import os
+import re
 import signal
 import socket
 import subprocess
 import sys
+from pathlib import Path
 
 import httpx
 import psutil
@@ -277,3 +279,10 @@ def test_every_endpoint_is_described(served):
     } == set(description["paths"])
     row = description["components"]["schemas"]["RoundMetrics"]["properties"]["seconds_collect"]
     assert row["description"] == "Wall time from opening the round to its last slot [s]."
+
+
+def test_every_endpoint_is_documented(served):
+    text = (Path(__file__).parents[3] / "docs/api.md").read_text(encoding="utf-8")
+    documented = {tuple(line.split()[1:]) for line in text.splitlines() if re.match(r"## [A-Z]+ /", line)}
+    described = served.http.get("/openapi.json").json()["paths"]
+    assert documented == {(method.upper(), path) for path, methods in described.items() for method in methods}
