@@ -89,7 +89,7 @@ def test_another_seed_gives_another_hash(tmp_path, expected):
 def test_same_hash_after_a_worker_is_killed(tmp_path, expected):
     process = start(tmp_path / "run", "--task-file", SLOW, "--workers", "2")
     wait_for_rounds(tmp_path / "run", process, 1)
-    victims = children(process, "ray::")
+    victims = children(process, "ray::RolloutActor")
     assert victims
     kill_all(victims[:1])
     finish(process)
