@@ -31,6 +31,9 @@ from taskschema_worker.arm_description import (
 
 ARM_JOINTS = tuple(f"right_j{index}" for index in range(7))
 FINGER_JOINTS = ("l_finger_joint", "r_finger_joint")
+GRAVITY_COMPENSATED = (*(f"right_l{link}" for link in range(1, 7)), "right_hand", "gripper_base")
+"""Bodies whose weight the servos carry. It costs time for every body, so it is left out where it does nothing:
+for the fingers, which are light, and for what stands on or turns about the vertical first axis."""
 SMALLEST_MASS = 1e-3
 """Bodies lighter than this [kg] that carry no joint are frames for cameras and the like: left out."""
 
@@ -67,7 +70,7 @@ def _clean_body(source: ET.Element) -> ET.Element:
     """Copy a body with its inertia, joints and heavy children; shapes are replaced by a few capsules."""
     name = source.get("name", "")
     keep = {key: source.get(key, "") for key in ("name", "pos", "quat") if source.get(key)}
-    body = ET.Element("body", keep | {"gravcomp": "1"})
+    body = ET.Element("body", keep | ({"gravcomp": "1"} if name in GRAVITY_COMPENSATED else {}))
     for tag in ("inertial", "joint"):
         for element in source.findall(tag):
             if tag == "inertial" and _mass(source) <= SMALLEST_MASS:

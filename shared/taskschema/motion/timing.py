@@ -15,7 +15,7 @@ from taskschema.motion.path import ArmPath
 
 LIMIT_FRACTION = 0.92
 """Share of the velocity and acceleration limits that plans use: the rest is for between grid points."""
-CURVATURE_FRACTION = 0.6
+CURVATURE_FRACTION = 0.75
 """Largest share of an acceleration limit that the path's curvature may take."""
 SHORTEST_SEGMENT = 1e-6
 """Length below which two waypoints are one."""

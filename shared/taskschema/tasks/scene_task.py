@@ -21,9 +21,9 @@ from taskschema.tasks.task import Task
 
 HOME_SEED = (-0.45, -1.318, 0.0, 2.525, 0.0, 0.363, 1.27)
 """Joint angles near the home pose [rad]; the elbow is up, and the wrist in the middle of its range."""
-HOME_DISTANCE = 0.24
+HOME_DISTANCE = 0.2
 """From the table's centre line to each hand at the start of an episode [m]."""
-HOME_HEIGHT = 0.16
+HOME_HEIGHT = 0.14
 """Of the end effectors above the table at the start of an episode [m]."""
 
 

@@ -1,0 +1,73 @@
+"""Episodes that an audit runs: schemas with the expert's, with given, or with random arguments."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from taskschema.arrays import BoolArray, FloatArray
+from taskschema.randomness import EpisodeKey, Purpose, generator
+from taskschema.tasks.scene_task import ObjectInstance, SceneTask
+from taskschema.tasks.task import Schema
+from taskschema_worker.scene_environment import SceneEnvironment
+
+BATCH = 256
+"""Episodes simulated together."""
+
+ArgumentSource = Callable[[FloatArray, int, slice], FloatArray]
+"""Takes observations [n, D], the step and which of the episodes they are; returns SI arguments [n, A]."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How some episodes ended."""
+
+    success: BoolArray
+    """[N]"""
+    closest: FloatArray
+    """[N] smallest distance from the goal, 0 for a success."""
+
+
+def streams(seed: int, part: int, index: int, count: int) -> list[np.random.Generator]:
+    """Return the random streams of `count` episodes of one part of an audit."""
+    return [generator(EpisodeKey(seed, part, index, episode), Purpose.AUDIT) for episode in range(count)]
+
+
+def run_schema(
+    environment: SceneEnvironment,
+    task: SceneTask,
+    schema: Schema,
+    instances: Sequence[ObjectInstance],
+    arguments: ArgumentSource,
+) -> Outcome:
+    """Run one episode per instance under a fixed schema; an episode ends at its first success."""
+    success = np.zeros(len(instances), dtype=bool)
+    closest = np.zeros(len(instances))
+    pairs = [task.pairs.index(left, right) for left, right in schema]
+    for start in range(0, len(instances), BATCH):
+        part = slice(start, min(start + BATCH, len(instances)))
+        observations = environment.reset_to(instances[part])
+        live = np.arange(part.stop - part.start)
+        for step, pair in enumerate(pairs):
+            chosen = arguments(observations, step, part)
+            result = environment.step(live, np.full(len(live), pair), chosen[live])
+            success[start + live] = result.success
+            observations[live] = result.observations
+            live = live[~(result.success | result.diverged)]
+            if not len(live):
+                break
+        closest[part] = environment.closest
+    closest[success] = 0.0
+    return Outcome(success, closest)
+
+
+def expert(task: SceneTask) -> ArgumentSource:
+    """Return the scripted expert's arguments, whatever the schema."""
+    return lambda observations, step, _: task.expert_arguments(observations, step)
+
+
+def fixed(arguments: FloatArray) -> ArgumentSource:
+    """Return given arguments [T, A], the same in all episodes, or [N, T, A], one row per episode."""
+    if arguments.ndim == 2:
+        return lambda observations, step, _: np.repeat(arguments[None, step], len(observations), axis=0)
+    return lambda _, step, part: arguments[part, step]
