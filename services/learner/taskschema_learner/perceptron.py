@@ -57,5 +57,6 @@ class Perceptron(torch.autograd.Function):
             torch.mm(gradient.t(), inputs, out=weight_gradient)
             torch.sum(gradient, 0, out=bias_gradient)
             if layer > 0:
-                gradient = torch.mm(gradient, ctx.layers[layer][0]).mul_(inputs > 0)
+                through = torch.mm(gradient, ctx.layers[layer][0])
+                gradient = torch.ops.aten.threshold_backward(through, inputs, 0.0)
         return result, None, None
