@@ -110,6 +110,35 @@ def test_reopened_round_offers_only_what_is_missing(run: Run) -> None:
     assert successor.quarantined == 0
 
 
+def test_reopened_round_offers_what_dead_workers_had_leased(run: Run) -> None:
+    learner, dead = run.learner(), run.worker("dead")
+    learner.open_round(0, toy_snapshot(), range(8))
+    dead.lease(1)
+    dead._heartbeat._stop.set()  # as if it had been killed
+    dead._heartbeat._thread.join()
+    run.client.zadd(run.keys.heartbeats, {"dead": time.time() - 10})
+    run.learner().open_round(0, toy_snapshot(), range(8))
+    assert deliver(run.worker("living")) == list(range(8)), "at once, long before the leases expire"
+
+
+def test_robots_work_is_left_to_it(run: Run) -> None:
+    learner = run.learner()
+    robot = WorkerBus(connect(run.url), run.name, "robot", kind="robot", lease_seconds=3600)
+    robot.join()
+    learner.open_round(0, toy_snapshot(), range(8))
+    leases = robot.lease(1)
+    robot._heartbeat._stop.set()
+    robot._heartbeat._thread.join()
+    run.client.zadd(run.keys.heartbeats, {"robot": time.time() - 10})
+    successor = run.learner()
+    successor.open_round(0, toy_snapshot(), range(8))
+    assert run.client.xpending(run.keys.work, "agents")["pending"] == 8
+    robot.submit([(lease, some_trajectories(lease.item.slot)) for lease in leases])
+    assert len(gather(successor, 8)) == 8
+    assert run.open_slots() == []
+    robot.leave()
+
+
 def test_round_of_another_policy_withdraws_what_was_offered(run: Run) -> None:
     learner, worker = run.learner(), run.worker()
     learner.open_round(0, toy_snapshot(0, seed=1), range(8))

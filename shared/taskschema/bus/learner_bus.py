@@ -14,7 +14,7 @@ from taskschema.bus.messages import WorkItem
 from taskschema.bus.quarantine import Quarantine
 from taskschema.bus.records import RunRecords
 from taskschema.bus.run_status import RunState
-from taskschema.bus.work_stream import ITEM, ensure_group, open_items
+from taskschema.bus.work_stream import ITEM, abandoned, ensure_group, open_items
 from taskschema.config import RunConfig
 from taskschema.errors import BusError, StaleTokenError
 from taskschema.metrics import RoundMetrics
@@ -202,9 +202,11 @@ class LearnerBus:
         def plan(pipe: Any) -> list[int] | None:  # noqa: ANN401 - a pipeline, which redis-py leaves untyped
             missing = set(self._door.missing)
             unwanted: list[bytes] = []
-            for entry_id, item in open_items(pipe, self._keys):
+            items = open_items(pipe, self._keys)
+            given_up = abandoned(pipe, self._keys) if items and publish is not None else set()
+            for entry_id, item in items:
                 offered = item is not None and item == WorkItem(self._door.round, item.slot, sha256)
-                if item is not None and offered and item.slot in missing:
+                if item is not None and offered and item.slot in missing and entry_id not in given_up:
                     missing.discard(item.slot)
                 else:
                     unwanted.append(entry_id)
