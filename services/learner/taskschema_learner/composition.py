@@ -86,7 +86,14 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
             ),
             run_inline=run_inline,
         )
-        context = TrainingContext(folder.path, task, options.limits, workers, api.url if api else None)
+        context = TrainingContext(
+            folder=folder.path,
+            task=task,
+            limits=options.limits,
+            workers=workers,
+            api_url=api.url if api else None,
+            api_token=api.token if api and api.token_is_generated else None,
+        )
         return _train_to_the_end(parts, options.limits, context, stop)
 
 

@@ -33,6 +33,9 @@ class TrainingContext:
     workers: int
     """Rollout actors; 0: in this process."""
     api_url: str | None
+    """Where the HTTP API answers; None: nowhere."""
+    api_token: str | None
+    """Token that was generated for it, so that somebody is told; None: the user's own."""
 
 
 class TrainingObserver(Protocol):
