@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import mujoco
 import numpy as np
 
 from taskschema.arrays import BoolArray, FloatArray, IntArray
@@ -10,19 +11,19 @@ from taskschema.motion import ArmPath, PlanningContext
 from taskschema.tasks.scene_observation import observe
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
 from taskschema.tasks.task import StepResult
-from taskschema_worker.scenes import TIMESTEP
 from taskschema_worker.simulation import Simulation
 
-CHUNK = 8
-"""Physics steps between two tests of the goal: an episode that has reached it is not simulated further."""
+CHUNK_SECONDS = 0.064
+"""Simulated time between two tests of the goal [s]: an episode that has reached it is not simulated further."""
 
 
 class SceneEnvironment:
-    """N episodes of a scene task; see `BatchEnvironment`."""
+    """N episodes of a scene task; see `BatchEnvironment`. For the arguments, see `Simulation`."""
 
-    def __init__(self, task: SceneTask, threads: int = 1) -> None:
+    def __init__(self, task: SceneTask, threads: int = 1, model: mujoco.MjModel | None = None) -> None:
         self._task = task
-        self._simulation = Simulation(task, threads)
+        self._simulation = Simulation(task, threads, model)
+        self._chunk = round(CHUNK_SECONDS / self._simulation.timestep)
         self.measure_distance = False
         """Whether to keep each episode's smallest `goal_distance` in `closest`: for an audit's searches."""
         self.closest: FloatArray = np.empty(0)
@@ -78,8 +79,9 @@ class SceneEnvironment:
         self, episodes: IntArray, paths: Sequence["_MixedPath"]
     ) -> tuple[BoolArray, BoolArray, IntArray]:
         """Run both arms' paths, in chunks; return success, divergence and physics steps [M]."""
+        size, timestep = self._chunk, self._simulation.timestep
         duration = np.maximum(paths[0].duration, paths[1].duration)
-        chunks = np.ceil(duration / (CHUNK * TIMESTEP) - 1e-9).astype(np.int64)
+        chunks = np.ceil(duration / (size * timestep) - 1e-9).astype(np.int64)
         success = np.zeros(len(episodes), dtype=bool)
         diverged = np.zeros(len(episodes), dtype=bool)
         steps = np.zeros(len(episodes), dtype=np.int64)
@@ -87,8 +89,8 @@ class SceneEnvironment:
             rows = np.flatnonzero((chunks > chunk) & ~success & ~diverged)
             if not len(rows):
                 break
-            times: FloatArray = (np.arange(CHUNK, dtype=np.float64) + (1 + chunk * CHUNK)) * TIMESTEP
-            controls = np.empty((len(rows), CHUNK, self._simulation.control_count))
+            times: FloatArray = (np.arange(size, dtype=np.float64) + (1 + chunk * size)) * timestep
+            controls = np.empty((len(rows), size, self._simulation.control_count))
             for arm, path in enumerate(paths):
                 self._simulation.controls(arm, *path.sample(rows, times), out=controls)
             advance = self._simulation.advance(episodes[rows], controls)
@@ -98,7 +100,7 @@ class SceneEnvironment:
                 self.closest[episodes[rows]] = np.minimum(self.closest[episodes[rows]], distance.min(axis=1))
             success[rows] = reached.any(axis=1) & ~advance.diverged
             diverged[rows] = advance.diverged
-            steps[rows] += CHUNK
+            steps[rows] += size
         return success, diverged, steps
 
     def _observe(self, episodes: IntArray) -> FloatArray:

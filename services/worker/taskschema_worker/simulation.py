@@ -12,7 +12,7 @@ from taskschema.arrays import BoolArray, FloatArray, IntArray
 from taskschema.kinematics.sawyer import rethink_gripper
 from taskschema.skills.pairs import ARMS
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
-from taskschema_worker.scenes import TIMESTEP, scene_model
+from taskschema_worker.scenes import scene_model
 
 ARM_JOINTS = 7
 TEMPLATE_DENSITY = 1000.0
@@ -63,10 +63,18 @@ class Simulation:
 
     An episode's states follow from its own object and controls alone: not from the other episodes, not from
     the number of threads.
+
+    Args:
+        task: whose arms and object are simulated.
+        threads: that share the episodes.
+        model: a scene compiled otherwise, such as a finer reference; None: the task's `scene_model`.
+
     """
 
-    def __init__(self, task: SceneTask, threads: int) -> None:
-        self._template = scene_model(task)
+    def __init__(self, task: SceneTask, threads: int, model: mujoco.MjModel | None = None) -> None:
+        self._template = scene_model(task) if model is None else model
+        self.timestep = float(self._template.opt.timestep)
+        """[s]"""
         self.indices = SceneIndices(self._template)
         self._home = self._home_state(task)
         self._lag = self._servo_lag()
@@ -151,13 +159,14 @@ class Simulation:
         # The simulator freezes a state it cannot continue: its clock stands still.
         final = states[:, -1]
         diverged = ~(
-            (np.abs(final[:, 0] - steps * TIMESTEP) < 0.5 * TIMESTEP) & np.isfinite(final).all(axis=1)
+            (np.abs(final[:, 0] - steps * self.timestep) < 0.5 * self.timestep)
+            & np.isfinite(final).all(axis=1)
         )
         good = episodes[~diverged]
         self.positions[good] = final[~diverged, 1 : 1 + nq]
         self.velocities[good] = final[~diverged, 1 + nq :]
         before = states[:, -2, 1 + nq :] if steps > 1 else initial[:, 1 + nq :]
-        self._warmstart[good] = ((final[:, 1 + nq :] - before) / TIMESTEP)[~diverged]
+        self._warmstart[good] = ((final[:, 1 + nq :] - before) / self.timestep)[~diverged]
         poses = self.indices.object_pose
         return Advance(states[:, :, 1 + poses.start : 1 + poses.stop], diverged)
 
