@@ -14,7 +14,7 @@ from taskschema.tasks.task import StepResult
 from taskschema_worker.simulation import Simulation
 
 CHUNK_SECONDS = 0.064
-"""Simulated time between two tests of the goal [s]: an episode that has reached it is not simulated further."""
+"""Simulated time between two tests of the goal [s]: an episode that has reached it goes no further."""
 
 
 class SceneEnvironment:
