@@ -4,13 +4,18 @@ import logging
 import os
 import shutil
 import signal
+import socket
 import tempfile
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import psutil
+
 from taskschema.errors import RayError
+from taskschema_learner.ray_reaper import RayReaper
 
 if TYPE_CHECKING:
     from ray import ObjectRef
@@ -18,18 +23,25 @@ if TYPE_CHECKING:
 
 OBJECT_STORE_BYTES = 80 * 2**20
 """About the least that Ray takes; no trajectory goes through it [bytes]."""
+KNOCK_SECONDS = 5.0
+"""Longest wait for a cluster to take a connection [s]."""
 RESTARTS = 10
 """How often Ray restarts an actor whose process dies, before the pool replaces it."""
 SINGLE_THREADED = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Environment of actors: more BLAS threads than one are slower here, and give other bits."""
+QUIET_SETTINGS = {
+    # Ray prints a warning for every four actors that share a core, as ours are meant to.
+    "RAY_DEDUP_LOGS_SKIP_REGEX": "worker processes have been started on node",
+    "RAY_USAGE_STATS_ENABLED": "0",
+}
+"""Environment of this process; Ray reads these when it is first imported."""
 LOCAL_SETTINGS = {
     # Ray's switch for laptops makes all its servers listen on loopback alone: they ask for no password.
     "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0",
     # Idle processes started ahead of time have not the actors' environment and would never be used.
     "RAY_prestart_worker_first_driver": "false",
-    "RAY_USAGE_STATS_ENABLED": "0",
 }
-"""Environment of a local Ray; it reads these when it is first imported."""
+"""Environment of a local Ray, too."""
 
 
 class RayRuntime:
@@ -42,7 +54,8 @@ class RayRuntime:
 
     def __init__(self, address: str | None = None) -> None:
         self._address = address
-        self._folder: str | None = None
+        self._folder: Path | None = None
+        self._reaper: RayReaper | None = None
 
     def start(self) -> None:
         """Start or reach Ray.
@@ -51,28 +64,33 @@ class RayRuntime:
             RayError: if that fails.
 
         """
+        os.environ.update(QUIET_SETTINGS)
         settings: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.ERROR}
         if self._address is None:
             os.environ.update(LOCAL_SETTINGS)
             # A folder of its own, short because Unix sockets' paths are; it goes when Ray stops.
-            self._folder = tempfile.mkdtemp(prefix="taskschema-")
+            self._folder = Path(tempfile.mkdtemp(prefix="taskschema-"))
             settings |= {
                 "address": "local",
                 "num_cpus": len(os.sched_getaffinity(0)),
                 "include_dashboard": False,
                 "object_store_memory": OBJECT_STORE_BYTES,
-                "_temp_dir": self._folder,
+                "_temp_dir": str(self._folder),
             }
         else:
+            self._knock()
             settings |= {"address": self._address, "ignore_reinit_error": True}
         import ray
 
+        others = _child_processes()
         try:
             with _signal_handlers_kept():
                 ray.init(**settings)
         except (ConnectionError, OSError, RuntimeError, ValueError, ray.exceptions.RayError) as error:
             self.stop()
             raise RayError(self._failure(error)) from error
+        if self._folder is not None:
+            self._reaper = RayReaper(self._folder, _child_processes() - others)
         own = ray.util.get_node_ip_address()  # type: ignore[no-untyped-call]
         if self._address is None and own != "127.0.0.1":
             self.stop()
@@ -84,9 +102,12 @@ class RayRuntime:
 
         with _signal_handlers_kept():
             ray.shutdown()
-        if self._folder is not None:
+        if self._reaper is not None:
+            self._reaper.reap()
+            self._reaper = None
+        elif self._folder is not None:
             shutil.rmtree(self._folder, ignore_errors=True)
-            self._folder = None
+        self._folder = None
 
     def resources(self) -> tuple[float, float]:
         """Return the cluster's CPUs and its memory [bytes]."""
@@ -158,14 +179,33 @@ class RayRuntime:
 
         ray.kill(actor, no_restart=True)
 
+    def _knock(self) -> None:
+        """Try the cluster's port: Ray itself looks for a cluster that is not there for minutes.
+
+        Raises:
+            RayError: if nobody answers there.
+
+        """
+        host, _, port = (self._address or "").removeprefix("ray://").rpartition(":")
+        if not port.isdigit():  # `auto` and the like
+            return
+        try:
+            socket.create_connection((host.strip("[]"), int(port)), timeout=KNOCK_SECONDS).close()
+        except OSError as error:
+            raise RayError(self._failure(error)) from None
+
     def _failure(self, error: BaseException) -> str:
-        reason = " ".join(str(error).split())[:300]
+        reason = " ".join(str(error).split())[:300].rstrip(".") + "."
         if self._address is not None:
             return (
                 f"Ray at {self._address} cannot be reached: {reason} Check the address and that the cluster "
                 "has the same versions of Ray and Python."
             )
         return f"Ray cannot be started on this machine: {reason} `taskschema doctor --full` looks for why."
+
+
+def _child_processes() -> set[int]:
+    return {child.pid for child in psutil.Process().children(recursive=True)}
 
 
 @contextmanager

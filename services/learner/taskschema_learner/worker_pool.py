@@ -25,11 +25,13 @@ BYTES_PER_ACTOR = 150 * 2**20
 """Memory set aside for an actor when counting how many fit [bytes]."""
 POLL_SECONDS = 0.5
 """How often the target is read and dead actors are looked for [s]."""
+REPORT_SECONDS = (20.0, 300.0)
+"""When the workers' memory is logged first, and how often later [s]."""
 GRACE_SECONDS = 10.0
 """How long an actor that is one too many may finish its slots [s]."""
 RETRY_SECONDS = (1.0, 30.0)
 """Shortest and longest wait before failed workers are replaced; it doubles with each failure in a row [s]."""
-CLOSE_SECONDS = 1.5
+CLOSE_SECONDS = 0.8
 """How long actors may take to leave when the pool closes [s]."""
 
 
@@ -120,11 +122,20 @@ class WorkerPool:
 
     def _follow_target(self) -> None:
         """Keep the actors at their target until the pool closes."""
+        report_at = time.monotonic() + REPORT_SECONDS[0]
         while not self._closing.wait(POLL_SECONDS):
             try:
                 self._reconcile()
+                if time.monotonic() >= report_at:
+                    self._report_memory()
+                    report_at = time.monotonic() + REPORT_SECONDS[1]
             except BusError as error:  # Redis may come back; the actors try again by themselves
                 log.warning("The worker target cannot be read: %s", error)
+
+    def _report_memory(self) -> None:
+        sizes = self.memory()
+        if sizes:
+            log.info("memory of %d workers: at most %.0f MB of its own each", len(sizes), max(sizes) / 1e6)
 
     def _reconcile(self) -> None:
         """Drop actors that ended, retire those that are too many or reserve too much, start missing ones."""

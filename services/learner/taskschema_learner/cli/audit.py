@@ -18,11 +18,12 @@ def audit(
     as_json: Json = False,
 ) -> None:
     """Measure whether a task is honest: what solves it, what must not, and how hard a first success is."""
-    from taskschema_worker.audit import audit as measure
-
     from taskschema.tasks.registry import get_task
 
-    report = measure(get_task(task), seed=seed)
+    audited = get_task(task)
+    from taskschema_worker.audit import audit as measure
+
+    report = measure(audited, seed=seed)
     if as_json:
         print_json(report)
     else:

@@ -53,7 +53,8 @@ def verify(
 
     folder = find_run(run)
     columns = (*Progress.get_default_columns(), MofNCompleteColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("rounds", total=None)
         found = verification.verify(
             folder, rounds, lambda done, total: bar.update(task, completed=done, total=total)

@@ -154,7 +154,7 @@ def _with_options(config: "RunConfig", given: Mapping[str, Any]) -> "RunConfig":
         changes["task"], changes["task_source"] = read_task_file(given["task_file"])
     schema: dict[str, Any] = {}
     if "init_schema" in given:
-        schema["initial_logits"] = _initial_logits(given["init_schema"], config)
+        schema["initial_logits"] = initial_logits(given["init_schema"], config)
     if "freeze_schema" in given:
         schema["frozen"] = given["freeze_schema"]
     changes["schema"] = msgspec.structs.replace(config.schema, **schema)
@@ -168,7 +168,7 @@ def _with_options(config: "RunConfig", given: Mapping[str, Any]) -> "RunConfig":
     return override(changed, assignments)
 
 
-def _initial_logits(reference: str, config: "RunConfig") -> tuple[tuple[float, ...], ...]:
+def initial_logits(reference: str, config: "RunConfig") -> tuple[tuple[float, ...], ...]:
     """Return the logits of a schema file, or of a run."""
     from taskschema.schema import logits_from_document
     from taskschema.tasks.registry import task_of

@@ -1,0 +1,135 @@
+"""Whatever a user gets wrong is one clear line, a non-zero exit, and nothing half-written."""
+
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from taskschema.config import RunConfig
+from taskschema_learner.run_folder import RunFolder
+
+COMMAND = Path(sys.executable).with_name("taskschema")
+
+
+@pytest.fixture
+def place(tmp_path):
+    (tmp_path / "task.py").write_text("raise ValueError('broken')\n")
+    (tmp_path / "no_class.py").write_text("number = 1\n")
+    (tmp_path / "no_schema.json").write_text("{}\n")
+    RunFolder.create(tmp_path / "runs" / "untrained", RunConfig(task="toy"))
+    for name, content in (("corrupt", '{"format_ver'), ("newer", '{"format_version": 99}')):
+        (tmp_path / "runs" / name).mkdir()
+        (tmp_path / "runs" / name / "config.json").write_text(content)
+    return tmp_path
+
+
+def snapshot(place):
+    return {path: path.read_bytes() for path in place.rglob("*") if path.is_file()}
+
+
+def refused(place, *arguments):
+    before = snapshot(place)
+    result = subprocess.run(
+        [COMMAND, *arguments],
+        cwd=place,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        stdin=subprocess.DEVNULL,
+    )
+    assert result.returncode == 1, result.stdout + result.stderr
+    assert "Traceback" not in result.stderr
+    assert result.stderr.startswith("Error: ")
+    assert result.stderr.count("\n") == 1, result.stderr
+    after = snapshot(place)
+    assert {path for path in after if after[path] != before.get(path)} <= {place / "x"}
+    assert set(before) <= set(after)
+    return result.stderr
+
+
+CASES = {
+    "unknown task": (["train", "toi"], "Did you mean 'toy'?"),
+    "no task": (["train"], "Name a TASK"),
+    "unknown policy": (["train", "toy", "--policy", "shema"], "Did you mean 'schema'?"),
+    "unknown observation": (["train", "toy", "--observation", "sound"], "Valid: image, state"),
+    "images": (["train", "toy", "--observation", "image"], "not there yet"),
+    "unknown task file": (["train", "--task-file", "no.py:Task"], "'no.py' cannot be read"),
+    "task file without class": (["train", "--task-file", "task.py"], "FILE:CLASS"),
+    "broken task file": (["train", "--task-file", "task.py:Task"], "ValueError: broken"),
+    "task file of another class": (["train", "--task-file", "no_class.py:Task"], "has no Task class 'Task'"),
+    "unknown schema": (["train", "toy", "--init-schema", "none"], "Unknown run 'none'"),
+    "no schema in the file": (["train", "toy", "--init-schema", "no_schema.json"], "is not a schema"),
+    "unknown field": (["train", "toy", "--set", "ppo.learning_rat=1"], "Did you mean 'ppo.learning_rate'?"),
+    "no assignment": (["train", "toy", "--set", "seed"], "FIELD=VALUE"),
+    "value out of range": (["train", "toy", "--set", "ppo.clip=-1"], "'clip' must be above 0"),
+    "value of another type": (["train", "toy", "--set", "slots=many"], "slots"),
+    "no slots": (["train", "toy", "--slots", "0"], "between 1 and 100000"),
+    "Ray elsewhere without Redis": (["train", "toy", "--ray", "10.0.0.1:6379"], "--redis"),
+    "unreachable Redis": (["train", "toy", "--redis", "redis://127.0.0.1:1", "--api", "none"], "Redis"),
+    "Redis of no kind": (["train", "toy", "--redis", "nonsense", "--api", "none"], "no Redis URL"),
+    "address of no kind": (["train", "toy", "--api", "here"], "HOST:PORT"),
+    "nothing to resume": (["train", "toy", "--resume"], "There is no run in runs/toy-schema-seed0"),
+    "resume of what": (["train", "--resume"], "Say which run to resume"),
+    "resume of another config": (
+        ["train", "toy", "--resume", "--run-dir", "runs/untrained", "--slots", "7"],
+        "another config (slots: there 50, here 7)",
+    ),
+    "a run is there": (
+        ["train", "toy", "--run-dir", "runs/untrained", "--api", "none"],
+        "already holds a run",
+    ),
+    "unusable name of a run": (["train", "toy", "--run-dir", "UPPER", "--api", "none"], "lower-case"),
+    "unknown run": (["schema", "untraind"], "Did you mean 'untrained'?"),
+    "untrained run, schema": (["schema", "untrained"], "schema.json"),
+    "untrained run, hash": (["hash", "untrained"], "no checkpoint yet"),
+    "untrained run, eval": (["eval", "untrained"], "no policy yet"),
+    "untrained run, verify": (["verify", "untrained"], "no rounds yet"),
+    "untrained run, plot": (["plot", "untrained"], "no rounds yet"),
+    "corrupt run": (["hash", "corrupt"], "damaged config.json"),
+    "run of another format": (["schema", "newer"], "format version 99"),
+    "resume of a corrupt run": (["train", "--resume", "--run-dir", "runs/corrupt"], "damaged config.json"),
+    "unknown audit": (["audit", "toi"], "Unknown task"),
+    "scale of nothing": (["scale", "3"], "No run trains here"),
+    "scale of an unknown run": (["scale", "3", "--run", "nope"], "Unknown run 'nope'"),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_bad_input_is_one_clear_line(place, name):
+    arguments, expected = CASES[name]
+    assert expected in refused(place, *arguments)
+
+
+def test_a_busy_port_is_one_clear_line(place):
+    with socket.socket() as busy:
+        busy.bind(("127.0.0.1", 0))
+        busy.listen()
+        address = f"127.0.0.1:{busy.getsockname()[1]}"
+        assert "is in use" in refused(place, "train", "toy", "--workers", "0", "--api", address)
+        assert "is in use" in refused_by_the_api(place, "serve", "untrained", "--api", address)
+    assert not (place / "runs" / "toy-schema-seed0").exists()
+
+
+def refused_by_the_api(place, *arguments):
+    result = subprocess.run([COMMAND, *arguments], cwd=place, capture_output=True, text=True, timeout=60)
+    assert result.returncode == 1
+    assert result.stderr.count("\n") == 1
+    return result.stderr
+
+
+def test_an_unknown_option_is_a_usage_error(place):
+    result = subprocess.run(
+        [COMMAND, "train", "toy", "--rouds", "3"], cwd=place, capture_output=True, text=True, timeout=60
+    )
+    assert result.returncode == 2
+    assert "Traceback" not in result.stderr
+
+
+def test_debug_shows_where_an_error_comes_from(place):
+    result = subprocess.run(
+        [COMMAND, "hash", "nope", "--debug"], cwd=place, capture_output=True, text=True, timeout=60
+    )
+    assert result.returncode == 1
+    assert "Traceback" in result.stderr

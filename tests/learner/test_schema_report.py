@@ -1,0 +1,62 @@
+"""Equal, equivalent or different."""
+
+import msgspec
+import pytest
+
+from taskschema.errors import SchemaMismatchError
+from taskschema.schema import BestPair
+from taskschema.tasks.registry import get_task
+from taskschema_learner import schema_report
+from taskschema_learner.schema_report import SchemaVerdict, compare, good_schemas
+
+PAPER = [("reach", "reach"), ("raise", "raise")]
+ONE_EARLY = [("reach", "no_op"), ("no_op", "reach"), ("raise", "raise")]
+
+
+def best(pairs, used=None):
+    return [
+        BestPair(step + 1, left, right, 0.9, step < (len(pairs) if used is None else used))
+        for step, (left, right) in enumerate(pairs)
+    ]
+
+
+@pytest.fixture
+def with_good_schemas(monkeypatch, tmp_path):
+    def write(content):
+        folder = tmp_path / "data" / "good_schemas"
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "toy.json").write_bytes(content)
+        monkeypatch.setattr(schema_report.resources, "files", lambda package: tmp_path)
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("pairs", "used", "verdict"),
+    [
+        ([*PAPER, ("no_op", "reach")], 2, SchemaVerdict.EQUAL),  # the third step is unused
+        ([*PAPER, ("no_op", "reach")], 3, SchemaVerdict.EQUIVALENT),  # begins so, but needs a step more
+        (ONE_EARLY, 3, SchemaVerdict.EQUIVALENT),
+        ([("raise", "raise"), *PAPER], 3, SchemaVerdict.DIFFERENT),
+        ([("no_op", "no_op")] * 3, 0, SchemaVerdict.DIFFERENT),  # never succeeded: nothing is used
+    ],
+)
+def test_a_schema_is_compared_over_the_steps_it_uses(with_good_schemas, pairs, used, verdict):
+    with_good_schemas(msgspec.json.encode([PAPER, ONE_EARLY]))
+    comparison = compare(get_task("toy"), best(pairs, used))
+    assert comparison.verdict is verdict
+    assert comparison.is_success is (verdict is not SchemaVerdict.DIFFERENT)
+    assert verdict.value in comparison.sentence
+
+
+def test_without_a_good_set_only_the_paper_s_schema_is_good(with_good_schemas, tmp_path, monkeypatch):
+    monkeypatch.setattr(schema_report.resources, "files", lambda package: tmp_path)
+    task = get_task("toy")
+    assert good_schemas(task) == [task.paper_schema]
+    assert compare(task, best(ONE_EARLY)).verdict is SchemaVerdict.DIFFERENT
+
+
+def test_a_damaged_good_set_is_refused(with_good_schemas):
+    with_good_schemas(b'[["reach"]]')
+    with pytest.raises(SchemaMismatchError, match="taskschema audit toy"):
+        good_schemas(get_task("toy"))
