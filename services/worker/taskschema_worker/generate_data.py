@@ -32,8 +32,8 @@ from taskschema_worker.arm_description import (
 ARM_JOINTS = tuple(f"right_j{index}" for index in range(7))
 FINGER_JOINTS = ("l_finger_joint", "r_finger_joint")
 GRAVITY_COMPENSATED = (*(f"right_l{link}" for link in range(1, 7)), "right_hand", "gripper_base")
-"""Bodies whose weight the servos carry. It costs time for every body, so it is left out where it does nothing:
-for the fingers, which are light, and for what stands on or turns about the vertical first axis."""
+"""Bodies whose weight the servos carry. Every one costs time, so it is left out where it does nothing: for
+the light fingers, and for what stands on or turns about the vertical first axis."""
 SMALLEST_MASS = 1e-3
 """Bodies lighter than this [kg] that carry no joint are frames for cameras and the like: left out."""
 

@@ -27,6 +27,9 @@ LIFT_GOAL = 0.25
 ORIENTATION_TOLERANCE = 0.2
 """[rad] largest angle, about any axis, between the bar's orientation and the one it started with."""
 
+CORNERS = tuple(itertools.product((-1.0, 1.0), repeat=3))
+"""Signs of x, y and density at the corners of the randomisation."""
+
 
 class LateralLifting(SceneTask):
     """Lift the bar with both arms: too heavy for one hand's grip, so that one arm alone cannot do it."""
@@ -65,28 +68,33 @@ class LateralLifting(SceneTask):
         """
 
     def draw_instance(self, generator: np.random.Generator) -> ObjectInstance:
-        """Draw location and density, both uniform."""
-        x, y, density = generator.uniform([-1.0, -1.0, 0.0], [1.0, 1.0, 1.0])
-        return self._instance(x * LOCATION_RANGE[0], y * LOCATION_RANGE[1], density)
+        """Draw location and density, all uniform."""
+        return self._instance(generator.uniform(-1.0, 1.0, 3))
 
-    def corner_instances(self) -> Sequence[tuple[str, ObjectInstance]]:
-        """Return the eight corners of location and density."""
+    @property
+    def corner_names(self) -> Sequence[str]:
+        """The eight corners of location and density."""
         return [
-            (
-                f"x {x:+.2f}, y {y:+.2f} m, {DENSITY_RANGE[share]:.0f} kg/m^3",
-                self._instance(x, y, float(share)),
-            )
-            for x, y, share in itertools.product(
-                (-LOCATION_RANGE[0], LOCATION_RANGE[0]), (-LOCATION_RANGE[1], LOCATION_RANGE[1]), (0, 1)
-            )
+            f"x {x * LOCATION_RANGE[0]:+.2f} m, y {y * LOCATION_RANGE[1]:+.2f} m, "
+            f"{DENSITY_RANGE[density > 0]:.0f} kg/m^3"
+            for x, y, density in CORNERS
         ]
 
-    def _instance(self, x: float, y: float, share: float) -> ObjectInstance:
+    def draw_corner(self, corner: int, generator: np.random.Generator) -> ObjectInstance:
+        """Draw from the outer tenth of the ranges of location and density."""
+        return self._instance(np.array(CORNERS[corner]) * generator.uniform(0.9, 1.0, 3))
+
+    def _instance(self, place: AnyArray) -> ObjectInstance:
+        """Return the bar at `place` [3]: x, y and density, each from -1 to 1 over its range."""
         low, high = DENSITY_RANGE
         return ObjectInstance(
-            position=(float(x), float(y), 0.5 * BAR_SIZE[2]),
+            position=(
+                float(place[0]) * LOCATION_RANGE[0],
+                float(place[1]) * LOCATION_RANGE[1],
+                0.5 * BAR_SIZE[2],
+            ),
             quaternion=(float(np.cos(BAR_YAW / 2)), 0.0, 0.0, float(np.sin(BAR_YAW / 2))),
-            density=low + float(share) * (high - low),
+            density=low + 0.5 * (float(place[2]) + 1.0) * (high - low),
         )
 
     def goal_reached(self, start: AnyArray, poses: AnyArray) -> BoolArray:

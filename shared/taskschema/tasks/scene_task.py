@@ -61,9 +61,14 @@ class SceneTask(Task):
     def draw_instance(self, generator: np.random.Generator) -> ObjectInstance:
         """Draw an episode's object."""
 
+    @property
     @abstractmethod
-    def corner_instances(self) -> Sequence[tuple[str, ObjectInstance]]:
-        """Return the extremes of the randomisation, each with a name: the audit tests every one."""
+    def corner_names(self) -> Sequence[str]:
+        """The corners of the randomisation, each by its extremes."""
+
+    @abstractmethod
+    def draw_corner(self, corner: int, generator: np.random.Generator) -> ObjectInstance:
+        """Draw an object from the outer tenth of every range at a corner: the audit tests every one."""
 
     @abstractmethod
     def goal_reached(self, start: AnyArray, poses: AnyArray) -> BoolArray:

@@ -1,0 +1,199 @@
+"""The audit itself: (a) the expert, (b) the good set, (c) random arguments (design section 5)."""
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from taskschema.errors import ConfigError, UnknownNameError
+from taskschema.tasks.scene_task import ObjectInstance, SceneTask
+from taskschema.tasks.task import Schema, Task
+from taskschema_worker.audit.episodes import expert, fixed, run_schema, streams
+from taskschema_worker.audit.report import (
+    GOOD_TARGET,
+    AuditReport,
+    Corner,
+    Rate,
+    SchemaRate,
+    SearchedSchema,
+)
+from taskschema_worker.audit.search import Search, search_arguments
+from taskschema_worker.scene_environment import SceneEnvironment
+
+Progress = Callable[[str, float], None]
+"""Called with the part under way and the share of it that is done."""
+IDLE = "no_op"
+EXPERT_PART, CORNER_PART, SCREEN_PART, CONFIRM_PART, RANDOM_PART, SAMPLE_PART = range(6)
+"""Parts of the audit in the keys of their random streams."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How many episodes each part gets."""
+
+    name: str
+    expert: int
+    """Random instances for the expert."""
+    corner: int
+    """Episodes at each corner of the randomisation."""
+    screen: int
+    """Instances on which every schema is tried with the expert's arguments."""
+    confirm: int
+    """Instances for schemas that succeed at the screening."""
+    random: int
+    """Episodes with uniformly random arguments under the paper's schema."""
+    idle_schemas: int
+    """Schemas with one arm idle that are searched; all there are, if fewer."""
+    sample_schemas: int
+    """Other schemas that are searched."""
+    search: Search
+
+
+EFFORTS = {
+    effort.name: effort
+    for effort in (
+        Effort("quick", 256, 16, 4, 64, 2048, 4, 2, Search(96, 6, 64)),
+        Effort("full", 1024, 100, 8, 200, 16384, 10_000, 16, Search(96, 8, 200)),
+    )
+}
+
+
+def audit(
+    task: Task,
+    seed: int = 0,
+    effort: str = "quick",
+    progress: Progress | None = None,
+    threads: int = 1,
+) -> AuditReport:
+    """Audit a task; the report follows from task, seed and effort alone.
+
+    Args:
+        task: a task with a scene.
+        seed: of all samples and searches.
+        effort: a name in `EFFORTS`.
+        progress: called with the part under way and the share of it that is done.
+        threads: for the physics; makes no difference to the report.
+
+    Raises:
+        UnknownNameError: if there is no such effort.
+        ConfigError: if the task has no scene, and so nothing to audit.
+    """
+    if not isinstance(task, SceneTask):
+        raise ConfigError(f"Task {task.name!r} has no simulated scene to audit: its optimum is known.")
+    if effort not in EFFORTS:
+        raise UnknownNameError("effort", effort, EFFORTS)
+    return audit_with(task, seed, EFFORTS[effort], progress, threads)
+
+
+def audit_with(
+    task: SceneTask, seed: int, effort: Effort, progress: Progress | None = None, threads: int = 1
+) -> AuditReport:
+    """Audit a task with sample sizes of one's own; see `audit`."""
+    environment = SceneEnvironment(task, threads)
+    environment.measure_distance = True
+    try:
+        return _Audit(environment, task, seed, effort, progress or (lambda part, share: None)).run()
+    finally:
+        environment.close()
+
+
+@dataclass(frozen=True)
+class _Audit:
+    """One audit under way."""
+
+    environment: SceneEnvironment
+    task: SceneTask
+    seed: int
+    effort: Effort
+    progress: Progress
+
+    def run(self) -> AuditReport:
+        expert_rate, corners = self._expert()
+        random = self._random()
+        schemas = list(itertools.product(self.task.pairs.pairs, repeat=self.task.horizon))
+        screened = self._screen(schemas)
+        idle = [schema for schema in schemas if is_idle(schema)]
+        solved = {item.schema for item in screened}
+        rest = [schema for schema in schemas if schema not in solved and not is_idle(schema)]
+        picks = streams(self.seed, SAMPLE_PART, 0, 2)
+        return AuditReport(
+            task=self.task.name,
+            paper_schema=self.task.paper_schema,
+            seed=self.seed,
+            effort=self.effort.name,
+            schema_count=len(schemas),
+            expert=expert_rate,
+            corners=corners,
+            good=tuple(item for item in screened if item.rate.value >= GOOD_TARGET),
+            nearly_good=tuple(item for item in screened if 0 < item.rate.value < GOOD_TARGET),
+            idle=self._search("one arm idle", _choose(idle, self.effort.idle_schemas, picks[0]), 0),
+            sample=self._search("other schemas", _choose(rest, self.effort.sample_schemas, picks[1]), 1000),
+            random=random,
+        )
+
+    def _expert(self) -> tuple[Rate, tuple[Corner, ...]]:
+        self.progress("expert", 0.0)
+        rate = self._rate(self.task.paper_schema, EXPERT_PART, 0, self.effort.expert)
+        corners = []
+        for index, name in enumerate(self.task.corner_names):
+            rngs = streams(self.seed, CORNER_PART, index, self.effort.corner)
+            instances = [self.task.draw_corner(index, rng) for rng in rngs]
+            corners.append(Corner(name, self._expert_rate(self.task.paper_schema, instances)))
+        return rate, tuple(corners)
+
+    def _rate(self, schema: Schema, part: int, index: int, count: int) -> Rate:
+        instances = [self.task.draw_instance(rng) for rng in streams(self.seed, part, index, count)]
+        return self._expert_rate(schema, instances)
+
+    def _expert_rate(self, schema: Schema, instances: Sequence[ObjectInstance]) -> Rate:
+        outcome = run_schema(self.environment, self.task, schema, instances, expert(self.task))
+        return Rate(int(outcome.success.sum()), len(instances))
+
+    def _screen(self, schemas: Sequence[Schema]) -> list[SchemaRate]:
+        """Try every schema with the expert's arguments, and those that succeed at all on more instances."""
+        solved = []
+        for index, schema in enumerate(schemas):
+            self.progress("all schemas", index / len(schemas))
+            if self._rate(schema, SCREEN_PART, index, self.effort.screen).successes:
+                solved.append(
+                    SchemaRate(schema, self._rate(schema, CONFIRM_PART, index, self.effort.confirm))
+                )
+        return solved
+
+    def _random(self) -> Rate:
+        """Try uniformly random arguments, new ones for every episode and step."""
+        self.progress("random arguments", 0.0)
+        schema, space = self.task.paper_schema, self.task.pairs
+        rngs = streams(self.seed, RANDOM_PART, 0, self.effort.random)
+        instances = [self.task.draw_instance(rng) for rng in rngs]
+        raw = np.stack([rng.uniform(-1.0, 1.0, (len(schema), space.argument_count)) for rng in rngs])
+        outcome = run_schema(self.environment, self.task, schema, instances, fixed(space.to_si(raw)))
+        return Rate(int(outcome.success.sum()), self.effort.random)
+
+    def _search(self, part: str, schemas: Sequence[Schema], offset: int) -> tuple[SearchedSchema, ...]:
+        size = self.effort.search
+        searched = []
+        for index, schema in enumerate(schemas):
+            self.progress(part, index / len(schemas))
+            found = search_arguments(self.environment, self.task, schema, self.seed, offset + index, size)
+            searched.append(
+                SearchedSchema(
+                    schema,
+                    Rate(found.successes, found.trials),
+                    found.training_successes,
+                    size.population * size.iterations,
+                )
+            )
+        return tuple(searched)
+
+
+def is_idle(schema: Schema) -> bool:
+    """Return whether one arm does nothing throughout."""
+    return any(all(pair[arm] == IDLE for pair in schema) for arm in (0, 1))
+
+
+def _choose(schemas: Sequence[Schema], count: int, rng: np.random.Generator) -> list[Schema]:
+    if count >= len(schemas):
+        return list(schemas)
+    return [schemas[index] for index in sorted(rng.choice(len(schemas), count, replace=False))]

@@ -1,0 +1,203 @@
+"""What an audit found, as data, JSON and a table."""
+
+import json
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from taskschema.tasks.task import Schema
+
+EXPERT_TARGET = 0.95
+CORNER_TARGET = 0.90
+GOOD_TARGET = 0.95
+IDLE_LIMIT = 0.02
+CONFIDENCE_Z = 1.959964
+"""Of a two-sided 95 % interval."""
+
+
+@dataclass(frozen=True)
+class Rate:
+    """A success rate with its 95 % Wilson interval (Wilson 1927)."""
+
+    successes: int
+    trials: int
+
+    @property
+    def value(self) -> float:
+        """Return the observed rate."""
+        return self.successes / self.trials
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Return the lower and upper end of the interval."""
+        n, z = self.trials, CONFIDENCE_Z
+        centre = (self.value + z * z / (2 * n)) / (1 + z * z / n)
+        half = z / (1 + z * z / n) * math.sqrt(self.value * (1 - self.value) / n + z * z / (4 * n * n))
+        return max(0.0, centre - half), min(1.0, centre + half)
+
+    def __str__(self) -> str:
+        low, high = self.interval
+        return f"{self.value:.2%} ({self.successes} of {self.trials}; {low:.2%} to {high:.2%})"
+
+
+@dataclass(frozen=True)
+class Corner:
+    """How the expert does at one extreme of the randomisation."""
+
+    name: str
+    rate: Rate
+
+
+@dataclass(frozen=True)
+class SchemaRate:
+    """How often a schema solves random instances."""
+
+    schema: Schema
+    rate: Rate
+
+
+@dataclass(frozen=True)
+class SearchedSchema:
+    """What an argument search found for a schema."""
+
+    schema: Schema
+    rate: Rate
+    """Of the arguments found, on fresh instances."""
+    search_successes: int
+    search_episodes: int
+    """Successes and episodes of the search itself."""
+
+
+@dataclass(frozen=True)
+class AuditReport:
+    """The three parts of an audit (design section 5)."""
+
+    task: str
+    paper_schema: Schema
+    seed: int
+    effort: str
+    schema_count: int
+    """|X|^T"""
+    expert: Rate
+    corners: tuple[Corner, ...]
+    good: tuple[SchemaRate, ...]
+    """Schemas of length T that the expert's or searched arguments solve in at least 95 % of instances."""
+    nearly_good: tuple[SchemaRate, ...]
+    """Schemas that those arguments solve in part."""
+    idle: tuple[SearchedSchema, ...]
+    """Every schema with one arm idle throughout."""
+    sample: tuple[SearchedSchema, ...]
+    """A seeded sample of the schemas that are neither good nor idle."""
+    random: Rate
+    """Uniformly random arguments under the paper's schema: p."""
+
+    @property
+    def expected_episodes(self) -> float:
+        """|X|^T / (m p), the expected episodes to a first success; infinite if nothing succeeded."""
+        found = len(self.good) * self.random.value
+        return self.schema_count / found if found else math.inf
+
+    @property
+    def verdicts(self) -> dict[str, bool]:
+        """Return whether each demand is met."""
+        return {
+            "expert at least 95 %": self.expert.value >= EXPERT_TARGET,
+            "expert at least 90 % at every corner": all(c.rate.value >= CORNER_TARGET for c in self.corners),
+            "one arm idle: at most 2 %": all(item.rate.value <= IDLE_LIMIT for item in self.idle),
+            "expected episodes at most 20,000": self.expected_episodes <= 20_000,
+        }
+
+    @property
+    def good_schemas_json(self) -> str:
+        """Return the good set as the package data that results are compared with."""
+        rows = ",\n".join(" " + json.dumps(item.schema) for item in self.good)
+        return f"[\n{rows}\n]\n"
+
+    def to_json(self) -> str:
+        """Return everything as JSON."""
+        document: dict[str, Any] = asdict(self)
+        document |= {"expected_episodes": self.expected_episodes, "verdicts": self.verdicts}
+        return json.dumps(document, indent=1) + "\n"
+
+    def to_markdown(self) -> str:
+        """Return the table that is committed under `results/audit`."""
+        lines = [
+            f"# Audit of {self.task}",
+            "",
+            f"`taskschema audit {self.task} --effort {self.effort}`, seed {self.seed}. "
+            "Rates with 95 % Wilson intervals.",
+            "",
+            "| demand | met |",
+            "|---|---|",
+            *(f"| {name} | {'yes' if met else '**no**'} |" for name, met in self.verdicts.items()),
+            "",
+            "## (a) The scripted expert under the paper's schema",
+            "",
+            "| instances | success |",
+            "|---|---|",
+            f"| random | {self.expert} |",
+            *(f"| {corner.name} | {corner.rate} |" for corner in self.corners),
+            "",
+            "## (b) The good set",
+            "",
+            *self._good_lines(),
+            "",
+            "### One arm idle throughout, after an argument search on each",
+            "",
+            *_search_lines(self.idle),
+            "",
+            "### A sample of the other schemas, after an argument search on each",
+            "",
+            *_search_lines(self.sample),
+            "",
+            "## (c) How rare is a first success?",
+            "",
+            f"Uniformly random arguments under the paper's schema succeed in {self.random}. With m = "
+            f"{len(self.good)} good schemas of {self.schema_count}: |X|^T / (m p) = "
+            f"{self.expected_episodes:,.0f} episodes to a first success.",
+        ]
+        return "\n".join(lines) + "\n"
+
+    def _good_lines(self) -> list[str]:
+        own = self.paper_schema
+        equal = [item for item in self.good if item.schema[: len(own)] == own]
+        other = [item for item in self.good if item.schema[: len(own)] != own]
+        head = (
+            f"{len(self.good)} of {self.schema_count} schemas are good: {len(equal)} begin with the paper's "
+            f"steps and end there, {len(other)} are equivalent."
+        )
+        rows = [f"| {_text(item.schema)} | {item.rate} |" for item in other]
+        nearly = [f"| {_text(item.schema)} | {item.rate} |" for item in self.nearly_good]
+        table = ["", "| equivalent schema (left, right) | success |", "|---|---|", *rows]
+        if nearly:
+            table += [
+                "",
+                "Solved in part, and so not good:",
+                "",
+                "| schema | success |",
+                "|---|---|",
+                *nearly,
+            ]
+        return [head, *table]
+
+
+def _search_lines(items: tuple[SearchedSchema, ...]) -> list[str]:
+    if not items:
+        return ["None searched."]
+    successes = sum(item.search_successes for item in items)
+    episodes = sum(item.search_episodes for item in items)
+    worst = sorted(items, key=lambda item: (-item.rate.value, -item.search_successes))[:12]
+    return [
+        f"{len(items)} schemas, {successes} successes in {episodes:,} episodes of search. Most successful:",
+        "",
+        "| schema (left, right) | arguments found, on fresh instances | successes while searching |",
+        "|---|---|---|",
+        *(
+            f"| {_text(item.schema)} | {item.rate} | {item.search_successes} of {item.search_episodes} |"
+            for item in worst
+        ),
+    ]
+
+
+def _text(schema: Schema) -> str:
+    return "; ".join(f"{left}, {right}" for left, right in schema)
