@@ -37,12 +37,17 @@ def with_good_schemas(monkeypatch, tmp_path):
         ([*PAPER, ("no_op", "reach")], 2, SchemaVerdict.EQUAL),  # the third step is unused
         ([*PAPER, ("no_op", "reach")], 3, SchemaVerdict.EQUIVALENT),  # begins so, but needs a step more
         (ONE_EARLY, 3, SchemaVerdict.EQUIVALENT),
+        (ONE_EARLY, 2, SchemaVerdict.DIFFERENT),  # its first two steps alone solve nothing
+        ([("raise", "reach"), ("reach", "raise"), ("no_op", "no_op")], 2, SchemaVerdict.EQUIVALENT),
         ([("raise", "raise"), *PAPER], 3, SchemaVerdict.DIFFERENT),
         ([("no_op", "no_op")] * 3, 0, SchemaVerdict.DIFFERENT),  # never succeeded: nothing is used
     ],
 )
 def test_a_schema_is_compared_over_the_steps_it_uses(with_good_schemas, pairs, used, verdict):
-    with_good_schemas(msgspec.json.encode([PAPER, ONE_EARLY]))
+    # As an audit writes it: a schema of two steps stands there with every third step.
+    pairs_of_task = get_task("toy").pairs.pairs
+    two_steps = [[("raise", "reach"), ("reach", "raise"), pair] for pair in pairs_of_task]
+    with_good_schemas(msgspec.json.encode([[*PAPER, pairs_of_task[0]], ONE_EARLY, *two_steps]))
     comparison = compare(get_task("toy"), best(pairs, used))
     assert comparison.verdict is verdict
     assert comparison.is_success is (verdict is not SchemaVerdict.DIFFERENT)

@@ -75,30 +75,31 @@ def good_schemas(task: Task) -> list[Schema]:
 def compare(task: Task, best: Sequence[BestPair]) -> SchemaComparison:
     """Compare a run's most probable pairs, one per step, with the paper's schema and the good set.
 
-    Steps after the one at which episodes succeed are unused and match anything, in the run's schema as in
-    those of the good set. A schema that begins like the paper's but needs more steps is equivalent.
+    Steps after the one at which episodes succeed are unused and match anything. A run that never succeeded
+    uses all of its steps. A schema that begins like the paper's but needs more steps is equivalent.
 
     Raises:
         SchemaMismatchError: if the task's file of good schemas is damaged.
 
     """
     used = tuple((item.left, item.right) for item in best if item.used)
-    rows = tuple((item.left, item.right) for item in best)
+    used = used or tuple((item.left, item.right) for item in best)
     paper, *others = good_schemas(task)
-    if len(used) <= len(paper) and _begins_with(rows, used, paper):
+    if used == paper:
         verdict = SchemaVerdict.EQUAL
-    elif any(_begins_with(rows, used, good) for good in (paper, *others)):
+    elif any(used[: len(good)] == good for good in (paper, *others)) or _ends_early(task, used, others):
         verdict = SchemaVerdict.EQUIVALENT
     else:
         verdict = SchemaVerdict.DIFFERENT
-    return SchemaComparison(used or rows, paper, verdict)
+    return SchemaComparison(used, paper, verdict)
 
 
-def _begins_with(rows: Schema, used: Schema, good: Schema) -> bool:
-    """Whether the run's schema solves the task wherever `good` does.
+def _ends_early(task: Task, used: Schema, good: Sequence[Schema]) -> bool:
+    """Whether the used steps alone solve the task: then they do so with whatever comes after them.
 
-    The rows that the run uses must be those of `good`. Where it uses fewer, its episodes are over before
-    the rest of `good` matters; a run that never succeeded uses all of its rows.
+    The audit measures whole schemas, so this asks for most of their |X|^(T - used) continuations; for
+    most, because an audit's samples vary.
     """
-    length = min(len(used) or len(rows), len(good))
-    return rows[:length] == good[:length]
+    continuations = len(task.pairs) ** (task.horizon - len(used))
+    found = sum(schema[: len(used)] == used for schema in good if len(schema) == task.horizon)
+    return len(used) < task.horizon and found > continuations / 2
