@@ -1,6 +1,9 @@
 """Equal, equivalent or different."""
 
+import itertools
+
 import msgspec
+import numpy as np
 import pytest
 
 from taskschema.errors import SchemaMismatchError
@@ -65,3 +68,28 @@ def test_a_damaged_good_set_is_refused(with_good_schemas):
     with_good_schemas(b'[["reach"]]')
     with pytest.raises(SchemaMismatchError, match="taskschema audit toy"):
         good_schemas(get_task("toy"))
+
+
+def test_the_toy_s_good_set_is_what_solves_it():
+    """Every schema is tried with exact reaches, and with hands that rise at one step only."""
+    task = get_task("toy")
+    space, schemas = task.pairs, list(itertools.product(range(len(task.pairs)), repeat=task.horizon))
+    solved = np.zeros(len(schemas), dtype=bool)
+    for rising_step in range(task.horizon):
+        environment = task.make_environment()
+        observations = environment.reset([np.random.default_rng(0) for _ in schemas])
+        for step in range(rising_step + 1):
+            arguments = task.expert_arguments(observations, step)
+            for arm in range(2):
+                arguments[:, space.columns(arm, 1)] = 0.4 if step == rising_step else 0.0
+            pairs = np.array([schema[step] for schema in schemas])
+            result = environment.step(np.arange(len(schemas)), pairs, arguments)
+            observations = result.observations
+            solved |= result.success
+    expected = {
+        tuple(space.pairs[pair] for pair in schema)
+        for schema, good in zip(schemas, solved, strict=True)
+        if good
+    }
+    assert len(expected) > 9
+    assert set(good_schemas(task)) == expected | {task.paper_schema}
