@@ -20,6 +20,8 @@ GRID_POINTS = 400
 """Places along the axis of episodes at which several runs are averaged."""
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 """Okabe and Ito's colours, which most colour-blind people tell apart."""
+STYLES = ("-", "--", ":")
+"""Rows of a schema often rise together: where they lie on each other, all are to be seen."""
 TARGET = 0.9
 """Success at which the paper stops training."""
 
@@ -63,7 +65,8 @@ def plot_run(folder: RunFolder, path: Path) -> None:
     if with_schema:
         for step, name in enumerate(names):
             probability = [row.schema_probability[step] for row in rows]
-            axes[1].plot(episodes, probability, color=COLOURS[step % len(COLOURS)], label=name)
+            colour, style = COLOURS[step % len(COLOURS)], STYLES[step % len(STYLES)]
+            axes[1].plot(episodes, probability, style, color=colour, linewidth=2, label=name)
         axes[1].set_ylabel("probability of the\nmost probable skill pair")
         axes[1].set_ylim(-0.02, 1.02)
         axes[1].legend(title="step: left arm, right arm (at the end)", fontsize="small", loc="best")

@@ -1,5 +1,7 @@
 """`taskschema serve`: the HTTP API over a run's folder."""
 
+import os
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -18,16 +20,29 @@ def serve(
     api: Annotated[
         str, typer.Option("--api", metavar="HOST:PORT", help="Where to listen; port 0: any free one.")
     ] = "127.0.0.1:8420",
+    redis: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            envvar="TASKSCHEMA_REDIS_URL",
+            help="Serve the run from this Redis, where it may be training, instead of from its folder.",
+        ),
+    ] = None,
 ) -> None:
-    """Serve a finished run over HTTP: its schema, its policy, its curve, and actions for observations.
+    """Serve a run over HTTP: its schema, its policy, its curve, and actions for observations.
 
     Stop it with Ctrl-C. Beyond this machine every request needs the token that is printed at the start,
     or that TASKSCHEMA_API_TOKEN sets.
     """
     from taskschema_learner.api import command
     from taskschema_learner.api.address import Address
+    from taskschema_learner.api.process import REDIS_VARIABLE
 
-    folder = find_run(run)
     address = Address.parse(api)
-    options = ["--folder", str(folder.path), "--host", address.host, "--port", str(address.port)]
+    options = ["--host", address.host, "--port", str(address.port)]
+    if redis is None:
+        options += ["--folder", str(find_run(run).path)]
+    else:
+        os.environ[REDIS_VARIABLE] = redis  # where the API's own command looks for it
+        options += ["--run", Path(run).name]
     raise typer.Exit(command.main(options))
