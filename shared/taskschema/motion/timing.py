@@ -14,7 +14,7 @@ from taskschema.kinematics.arm import ArmKinematics
 from taskschema.motion.path import ArmPath
 
 LIMIT_FRACTION = 0.92
-"""Share of the velocity and acceleration limits that plans use: the rest is for between grid points."""
+"""Share of the velocity and acceleration limits that plans use on the grid; between its points it is more."""
 CURVATURE_FRACTION = 0.75
 """Largest share of an acceleration limit that the path's curvature may take."""
 SHORTEST_SEGMENT = 1e-6
@@ -65,12 +65,35 @@ def fastest_path(
     # Rows whose waypoints coincide do not move and take no time.
     still = np.abs(steps).max(axis=(1, 2)) < SHORTEST_SEGMENT
     times[still] = 0.0
+    joints = np.concatenate([angles[:, :, 0], angles[:, -1:, 1]], axis=1)
+    velocities = np.concatenate([slopes[:, :, 0], slopes[:, -1:, 1]], axis=1) * speed[:, :, None]
+    velocities[still] = 0.0
+    stretch = _stretch(arm, times, joints, velocities)
     return ArmPath(
-        times=times,
-        joints=np.concatenate([angles[:, :, 0], angles[:, -1:, 1]], axis=1),
-        velocities=np.concatenate([slopes[:, :, 0], slopes[:, -1:, 1]], axis=1) * speed[:, :, None],
+        times=times * stretch[:, None],
+        joints=joints,
+        velocities=velocities / stretch[:, None, None],
         opening=np.repeat(np.asarray(opening)[:, None], squared.shape[1], axis=1),
     )
+
+
+def _stretch(arm: ArmKinematics, times: FloatArray, joints: FloatArray, velocities: FloatArray) -> FloatArray:
+    """Return by what factor [N], at least 1, a path must take longer for its cubics to keep the limits too.
+
+    A cubic's acceleration is extreme at the ends of its interval; its velocity there or near the middle.
+    """
+    span = np.diff(times, axis=1)[:, :, None]
+    moving = span > 0.0
+    span = np.where(moving, span, 1.0)
+    mean = np.diff(joints, axis=1) / span
+    before, after = velocities[:, :-1], velocities[:, 1:]
+    accelerations = np.maximum(
+        np.abs(6 * mean - 4 * before - 2 * after), np.abs(2 * before + 4 * after - 6 * mean)
+    )
+    accelerations = np.where(moving, accelerations / (span * arm.acceleration), 0.0)
+    middle = np.where(moving, np.abs(1.5 * mean - 0.25 * (before + after)) / arm.velocity, 0.0)
+    fastest = np.maximum(middle.max(axis=(1, 2)), (np.abs(velocities) / arm.velocity).max(axis=(1, 2)))
+    return np.maximum(np.maximum(np.sqrt(accelerations.max(axis=(1, 2))), fastest), 1.0)
 
 
 def _spline(

@@ -1,0 +1,178 @@
+"""The skills' plans: search spaces, limits, end states, unreachable targets."""
+
+import numpy as np
+import pytest
+
+from taskschema.errors import UnknownNameError
+from taskschema.kinematics.sawyer import rethink_gripper, sawyer_pair
+from taskschema.motion import PlanningContext
+from taskschema.skills.lift import SPEED
+from taskschema.skills.registry import SKILLS, get_skill
+from taskschema.skills.skill import Skill
+from taskschema.tasks.lateral_lifting import BAR_SIZE, LateralLifting
+
+TASK = LateralLifting()
+GRIPPER = rethink_gripper()
+
+
+def context(arm=0, count=1, joints=None, opening=None, seed=0):
+    rng = np.random.default_rng(seed)
+    poses = np.stack([TASK.draw_instance(rng).pose for _ in range(count)])
+    return PlanningContext(
+        arm=sawyer_pair()[arm],
+        gripper=GRIPPER,
+        joints=np.repeat(TASK.home_joints[arm][None], count, axis=0) if joints is None else joints,
+        opening=np.full(count, GRIPPER.open if opening is None else opening),
+        object_position=poses[:, :3],
+        object_quaternion=poses[:, 3:],
+        object_size=np.tile(BAR_SIZE, (count, 1)),
+    )
+
+
+def random_arguments(skill, count, seed=0):
+    low = [argument.low for argument in skill.arguments]
+    high = [argument.high for argument in skill.arguments]
+    return np.random.default_rng(seed).uniform(low, high, (count, len(low)))
+
+
+def assert_within_limits(path, arm):
+    times = np.arange(0.0, path.duration.max() + 0.002, 0.001)
+    joints, velocities, _ = path.sample(times)
+    assert (joints >= arm.lower - 1e-9).all()
+    assert (joints <= arm.upper + 1e-9).all()
+    assert (np.abs(velocities) <= arm.velocity * 1.001).all()
+    assert (np.abs(np.diff(velocities, axis=1)) / 0.001 <= arm.acceleration * 1.001).all()
+
+
+def test_search_spaces_are_the_paper_s():
+    spaces = {
+        name: [(item.name, item.unit, item.low, item.high) for item in SKILLS[name].arguments]
+        for name in SKILLS
+    }
+    assert spaces["top_grasp"] == [
+        ("x", "m", -0.1, 0.1),
+        ("y", "m", -0.1, 0.1),
+        ("z_orientation", "rad", 0.0, 2 * np.pi),
+    ]
+    assert spaces["lift"] == [("distance", "m", 0.0, 0.5)]
+    assert spaces["no_op"] == []
+    assert [item.name for skill in SKILLS.values() for item in skill.arguments if item.periodic] == [
+        "z_orientation"
+    ]
+
+
+@pytest.mark.parametrize("name", list(SKILLS))
+def test_every_registered_skill_is_described(name):
+    skill = get_skill(name)
+    assert isinstance(skill, Skill)
+    assert skill.name == name
+    assert all([skill.summary, skill.families, skill.start_state, skill.end_state])
+    assert all(argument.meaning for argument in skill.arguments)
+
+
+def test_unknown_skill_lists_the_valid_ones():
+    with pytest.raises(UnknownNameError, match="Did you mean 'lift'.*no_op, top_grasp"):
+        get_skill("lft")
+
+
+@pytest.mark.parametrize("arm", [0, 1])
+@pytest.mark.parametrize("name", list(SKILLS))
+def test_plans_keep_the_sawyer_s_limits(name, arm):
+    """From home, and again from wherever the plan led, with the gripper closed."""
+    skill, here = SKILLS[name], context(arm, count=60)
+    for seed in (1, 2):
+        path = skill.plan(here, random_arguments(skill, 60, seed))
+        assert_within_limits(path, here.arm)
+        np.testing.assert_allclose(path.sample(np.zeros(1))[0][:, 0], here.joints, atol=1e-9)
+        here = context(arm, count=60, joints=path.joints[:, -1], opening=GRIPPER.closed)
+
+
+def test_set_points_at_robot_rate_stay_within_stopping_distance():
+    """At 100 Hz no set-point is further from the last than the joint's top speed allows."""
+    here = context(count=20)
+    path = SKILLS["top_grasp"].plan(here, random_arguments(SKILLS["top_grasp"], 20))
+    joints, _, _ = path.sample(np.arange(0, path.duration.max(), 0.01))
+    assert (np.abs(np.diff(joints, axis=1)) <= here.arm.velocity * 0.01 * 1.001).all()
+
+
+def test_top_grasp_ends_at_its_point_pointing_down_and_closed():
+    here = context(count=30)
+    arguments = random_arguments(SKILLS["top_grasp"], 30)
+    path = SKILLS["top_grasp"].plan(here, arguments)
+    position, rotation = here.arm.forward(path.joints[:, -1])
+    np.testing.assert_allclose(position[:, :2], here.object_position[:, :2] + arguments[:, :2], atol=1e-3)
+    np.testing.assert_allclose(rotation[:, :, 2], np.tile([0, 0, -1], (30, 1)), atol=2e-3)
+    assert (position[:, 2] - GRIPPER.fingertip > 0.004).all()
+    assert (path.opening[:, -1] == GRIPPER.closed).all()
+    # The gripper is symmetric: its closing axis lies along the orientation asked for, either way round.
+    along = np.stack([np.cos(arguments[:, 2]), np.sin(arguments[:, 2])], axis=1)
+    np.testing.assert_allclose(np.abs((rotation[:, :2, 0] * along).sum(axis=1)), 1.0, atol=1e-4)
+
+
+def test_closed_gripper_opens_before_the_hand_moves_and_a_low_hand_rises_first():
+    low = context(count=5)
+    grasped = SKILLS["top_grasp"].plan(low, random_arguments(SKILLS["top_grasp"], 5)).joints[:, -1]
+    here = context(count=5, joints=grasped, opening=GRIPPER.closed)
+    path = SKILLS["top_grasp"].plan(here, random_arguments(SKILLS["top_grasp"], 5, seed=9))
+    joints, _, opening = path.sample(np.arange(0.0, path.duration.max(), 0.01))
+    still = np.abs(joints - grasped[:, None]).max(axis=2) < 1e-6
+    assert (opening[still & (np.arange(opening.shape[1]) < 10)] == GRIPPER.open).all()
+    start, _ = here.arm.forward(grasped)
+    position = np.stack([here.arm.forward(row)[0] for row in joints.transpose(1, 0, 2)], axis=1)
+    sideways = np.linalg.norm(position[:, :, :2] - start[:, None, :2], axis=2)
+    tips = position[:, :, 2] - GRIPPER.fingertip
+    # Until the hand has cleared the bar it does not move sideways by more than the joint path's sag.
+    assert sideways[(tips < BAR_SIZE[2]) & (np.arange(tips.shape[1]) < 30)].max() < 0.012
+
+
+def test_lift_is_straight_up_by_its_distance():
+    here = context(count=20)
+    grasped = SKILLS["top_grasp"].plan(here, random_arguments(SKILLS["top_grasp"], 20)).joints[:, -1]
+    here = context(count=20, joints=grasped, opening=GRIPPER.closed)
+    distance = np.linspace(0.0, 0.45, 20)
+    path = SKILLS["lift"].plan(here, distance[:, None])
+    start, facing = here.arm.forward(grasped)
+    times = np.arange(0.0, path.duration.max(), 0.05)
+    joints, _, opening = path.sample(times)
+    for row in joints.transpose(1, 0, 2):
+        position, rotation = here.arm.forward(row)
+        np.testing.assert_allclose(position[:, :2], start[:, :2], atol=2e-3)
+        np.testing.assert_allclose(rotation, facing, atol=0.02)
+    position, _ = here.arm.forward(path.joints[:, -1])
+    np.testing.assert_allclose(position[:, 2] - start[:, 2], distance, atol=1e-3)
+    assert path.duration[0] == 0.0
+    assert (opening == GRIPPER.closed).all()
+
+
+def test_both_arms_lift_at_the_same_speed():
+    """Otherwise two lifts that are both long enough would tilt what they hold."""
+    heights = []
+    for arm, distance in ((0, 0.3), (1, 0.5)):
+        grasp = np.array([[0.05, 0.05, np.pi / 4]]) * (-1 if arm == 0 else 1)
+        down = SKILLS["top_grasp"].plan(context(arm), np.mod(grasp, [1, 1, 2 * np.pi]) if arm else grasp)
+        here = context(arm, joints=down.joints[:, -1], opening=GRIPPER.closed)
+        path = SKILLS["lift"].plan(here, np.array([[distance]]))
+        joints, _, _ = path.sample(np.arange(0.0, 0.6, 0.05))
+        position = here.arm.forward(joints[0])[0]
+        heights.append(position[:, 2] - position[0, 2])
+    np.testing.assert_allclose(heights[0], heights[1], atol=2e-3)
+    assert heights[0][-1] - heights[0][-2] == pytest.approx(SPEED * 0.05, rel=0.05)
+
+
+@pytest.mark.parametrize("name", ["top_grasp", "lift"])
+def test_unreachable_target_is_a_normal_outcome(name):
+    """An object out of reach, and a lift beyond the arm's height: the plan goes as near as it can."""
+    here = context(count=4)
+    here.object_position[:, 1] += 2.0
+    path = SKILLS[name].plan(here, np.full((4, len(SKILLS[name].arguments)), 0.5))
+    assert np.isfinite(path.joints).all()
+    assert np.isfinite(path.times).all()
+    assert_within_limits(path, here.arm)
+
+
+def test_no_op_takes_no_time_and_keeps_the_gripper():
+    here = context(count=3, opening=0.03)
+    path = SKILLS["no_op"].plan(here, np.empty((3, 0)))
+    assert (path.duration == 0).all()
+    np.testing.assert_array_equal(path.joints[:, -1], here.joints)
+    assert (path.opening == 0.03).all()

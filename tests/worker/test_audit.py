@@ -1,0 +1,142 @@
+"""The audit: its arithmetic by hand, and a seeded sample of it on lateral lifting."""
+
+import json
+from importlib import resources
+
+import pytest
+
+from taskschema.errors import ConfigError, UnknownNameError
+from taskschema.tasks.registry import get_task
+from taskschema_worker.audit import audit
+from taskschema_worker.audit.audit import Effort, _Audit, audit_with, is_idle
+from taskschema_worker.audit.report import AuditReport, Corner, Rate, SchemaRate, SearchedSchema
+from taskschema_worker.audit.search import Search, search_arguments
+from taskschema_worker.scene_environment import SceneEnvironment
+
+TASK = get_task("lateral-lifting")
+GRASP, LIFT = TASK.paper_schema
+IDLE_SCHEMA = (("top_grasp", "no_op"), ("lift", "no_op"), ("lift", "no_op"))
+
+
+def report(**changes):
+    fields = {
+        "task": "lateral-lifting",
+        "paper_schema": TASK.paper_schema,
+        "seed": 0,
+        "effort": "quick",
+        "schema_count": 729,
+        "expert": Rate(96, 100),
+        "corners": (Corner("corner", Rate(9, 10)),),
+        "good": tuple(SchemaRate((GRASP, LIFT, pair), Rate(10, 10)) for pair in TASK.pairs.pairs),
+        "nearly_good": (),
+        "idle": (SearchedSchema(IDLE_SCHEMA, Rate(0, 50), 0, 100),),
+        "sample": (),
+        "random": Rate(5, 1000),
+    }
+    return AuditReport(**(fields | changes))
+
+
+def test_wilson_interval_by_hand():
+    # 0 of n: 0 to z^2 / (n + z^2) = 3.8415 / 103.8415.
+    low, high = Rate(0, 100).interval
+    assert low == 0.0
+    assert high == pytest.approx(0.036994, abs=1e-5)
+    # 50 of 100: 0.5 +- z / 2 / sqrt(n + z^2).
+    assert Rate(50, 100).interval == pytest.approx((0.40383, 0.59617), abs=1e-4)
+
+
+def test_expected_episodes_by_hand():
+    # 729 / (9 x 0.005) = 16,200.
+    assert report().expected_episodes == pytest.approx(16_200)
+    assert all(report().verdicts.values())
+    assert report(good=()).expected_episodes == float("inf")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"expert": Rate(94, 100)},
+        {"corners": (Corner("good", Rate(10, 10)), Corner("bad", Rate(8, 10)))},
+        {"idle": (SearchedSchema(IDLE_SCHEMA, Rate(2, 50), 9, 100),)},
+        {"random": Rate(4, 1000)},
+    ],
+)
+def test_a_demand_that_is_not_met_is_said(changes):
+    failing = report(**changes)
+    assert sum(not met for met in failing.verdicts.values()) == 1
+    assert "**no**" in failing.to_markdown()
+
+
+def test_report_reads_back_and_names_the_good_schemas():
+    document = json.loads(report().to_json())
+    assert document["expected_episodes"] == pytest.approx(16_200)
+    good = json.loads(report().good_schemas_json)
+    assert len(good) == 9
+    assert good[0][:2] == [list(GRASP), list(LIFT)]
+
+
+def test_tasks_without_a_scene_and_unknown_efforts_are_refused():
+    with pytest.raises(ConfigError, match="toy"):
+        audit(get_task("toy"))
+    with pytest.raises(UnknownNameError, match="full, quick"):
+        audit(TASK, effort="fast")
+
+
+def test_idle_schemas():
+    assert is_idle(IDLE_SCHEMA)
+    assert not is_idle((("top_grasp", "no_op"), ("lift", "lift"), ("no_op", "no_op")))
+
+
+@pytest.fixture(scope="module")
+def environment():
+    environment = SceneEnvironment(TASK, threads=1)
+    environment.measure_distance = True
+    yield environment
+    environment.close()
+
+
+def test_search_finds_what_can_be_solved(environment):
+    """The same search that must fail with one arm idle succeeds when both arms hold the bar already."""
+    found = search_arguments(environment, TASK, TASK.paper_schema, 0, 0, Search(128, 8, 32))
+    assert found.training_successes >= 5
+
+
+@pytest.mark.parametrize("left", [True, False])
+def test_search_finds_nothing_with_one_arm_idle(environment, left):
+    schema = tuple((skill, "no_op") if left else ("no_op", skill) for skill in ("top_grasp", "lift", "lift"))
+    found = search_arguments(environment, TASK, schema, 1, 0, Search(64, 4, 32))
+    assert found.training_successes == 0
+    assert found.successes == 0
+
+
+def test_seeded_sample_of_the_audit(environment):
+    """(a) and (c) on few episodes; the full audit is in results/audit."""
+    effort = Effort("sample", 64, 4, 1, 4, 1024, 0, 0, Search(8, 1, 4))
+    sample = _Audit(environment, TASK, 0, effort, lambda part, share: None)
+    expert, corners = sample._expert()
+    assert expert.value >= 0.95
+    assert all(corner.rate.value >= 0.9 for corner in corners)
+    # With 25 good schemas, 20,000 expected episodes mean p = 0.15 %.
+    assert sample._random().value >= 0.0015
+
+
+def test_packaged_good_set_holds_with_the_expert_s_arguments(environment):
+    packaged = json.loads(
+        (resources.files("taskschema") / "data/good_schemas/lateral-lifting.json").read_text()
+    )
+    schemas = [tuple(tuple(pair) for pair in schema) for schema in packaged]
+    assert (GRASP, LIFT, ("no_op", "no_op")) in schemas
+    assert not any(is_idle(schema) for schema in schemas)
+    effort = Effort("sample", 1, 1, 2, 8, 1, 0, 0, Search(8, 1, 4))
+    sample = _Audit(environment, TASK, 3, effort, lambda part, share: None)
+    staged = [schema for schema in schemas if schema[:2] != TASK.paper_schema][::4]
+    screened = sample._screen(staged)
+    assert [item.schema for item in screened] == staged
+    assert all(item.rate.value >= 0.75 for item in screened)
+
+
+@pytest.mark.slow
+def test_whole_quick_audit_is_repeatable():
+    effort = Effort("tiny", 16, 2, 1, 4, 64, 1, 1, Search(16, 2, 4))
+    first, second = (audit_with(TASK, 0, effort, threads=threads) for threads in (1, 2))
+    assert first == second
