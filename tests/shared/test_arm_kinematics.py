@@ -16,7 +16,7 @@ def reachable(count, seed):
 
 
 def test_stretched_arm_by_hand():
-    # Link lengths of the Sawyer [m]: forward 0.081 + 0.4 + 0.4 + 0.11 to the last joint, then 0.024 to the hand
+    # Link lengths of the Sawyer [m]: forward 0.081 + 0.4 + 0.4 + 0.11 to the last joint, 0.024 to the hand
     # and 0.109 to between the pads; sideways 0.1925 - 0.1685 + 0.1363; up 0.08 + 0.237.
     position, rotation = sawyer().forward(np.zeros((1, 7)))
     np.testing.assert_allclose(position, [[1.124, 0.1603, 0.317]], atol=1e-4)

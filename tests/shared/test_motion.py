@@ -40,7 +40,7 @@ def test_path_passes_its_waypoints_and_rests_at_both_ends():
 
 
 def test_fastest_straight_motion_by_hand():
-    """One joint, 0.1 rad: too short for top speed, so 2 sqrt(distance / acceleration), at 92 % of the limit."""
+    """One joint, 0.1 rad: too short for top speed, so 2 sqrt(distance / acceleration), at 92 % of it."""
     points = np.zeros((1, 2, 7))
     points[0, 1, 0] = 0.1
     path = fastest_path(ARM, points, OPEN, grid=64)

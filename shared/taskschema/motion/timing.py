@@ -93,7 +93,7 @@ def _stretch(arm: ArmKinematics, times: FloatArray, joints: FloatArray, velociti
     accelerations = np.where(moving, accelerations / (span * arm.acceleration), 0.0)
     middle = np.where(moving, np.abs(1.5 * mean - 0.25 * (before + after)) / arm.velocity, 0.0)
     fastest = np.maximum(middle.max(axis=(1, 2)), (np.abs(velocities) / arm.velocity).max(axis=(1, 2)))
-    return np.maximum(np.maximum(np.sqrt(accelerations.max(axis=(1, 2))), fastest), 1.0)
+    return np.asarray(np.maximum(np.maximum(np.sqrt(accelerations.max(axis=(1, 2))), fastest), 1.0))
 
 
 def _spline(
