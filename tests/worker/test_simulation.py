@@ -126,7 +126,7 @@ def test_arms_follow_their_set_points_within_the_joints_speed(environment):
     environment.reset([np.random.default_rng(seed) for seed in range(8)])
     episodes = np.arange(8)
     arguments = np.repeat(grasp_arguments((-0.09, -0.09), (0.09, 0.09)), 8, axis=0)
-    planned = [environment._plan(arm, episodes, np.full(8, BOTH_GRASP), arguments) for arm in range(2)]
+    planned = [environment.plan(arm, episodes, np.full(8, BOTH_GRASP), arguments) for arm in range(2)]
     fastest = np.zeros(7)
     advance = environment._simulation.advance
 

@@ -7,10 +7,11 @@ import numpy as np
 
 from taskschema.arrays import BoolArray, FloatArray, IntArray
 from taskschema.kinematics.sawyer import rethink_gripper, sawyer_pair
-from taskschema.motion import ArmPath, PlanningContext
+from taskschema.motion import PlanningContext
 from taskschema.tasks.scene_observation import observe
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
 from taskschema.tasks.task import StepResult
+from taskschema_worker.mixed_path import MixedPath
 from taskschema_worker.simulation import Simulation
 
 CHUNK_SECONDS = 0.064
@@ -45,20 +46,20 @@ class SceneEnvironment:
 
     def step(self, episodes: IntArray, pairs: IntArray, arguments: FloatArray) -> StepResult:
         """Run one step of the episodes [M]; see `BatchEnvironment`."""
-        paths = [self._plan(arm, episodes, pairs, arguments) for arm in (0, 1)]
+        paths = [self.plan(arm, episodes, pairs, arguments) for arm in (0, 1)]
         success, diverged, steps = self._execute(episodes, paths)
         for arm, path in enumerate(paths):
             self._opening[episodes, arm] = path.final_opening
         self._time[episodes] += 1
         return StepResult(self._observe(episodes), success, diverged, steps)
 
-    def _plan(self, arm: int, episodes: IntArray, pairs: IntArray, arguments: FloatArray) -> "_MixedPath":
+    def plan(self, arm: int, episodes: IntArray, pairs: IntArray, arguments: FloatArray) -> MixedPath:
         """Plan one arm's motion for all episodes, skill by skill."""
         space = self._task.pairs
         joints = self._simulation.arm_joints(episodes)[:, arm]
         poses = self._simulation.object_poses(episodes)
         chosen = space.skill_index(pairs, arm)
-        mixed = _MixedPath(len(episodes))
+        mixed = MixedPath(len(episodes))
         for index, skill in enumerate(space.skills):
             rows = np.flatnonzero(chosen == index)
             if not len(rows):
@@ -76,7 +77,7 @@ class SceneEnvironment:
         return mixed
 
     def _execute(
-        self, episodes: IntArray, paths: Sequence["_MixedPath"]
+        self, episodes: IntArray, paths: Sequence[MixedPath]
     ) -> tuple[BoolArray, BoolArray, IntArray]:
         """Run both arms' paths, in chunks; return success, divergence and physics steps [M]."""
         size, timestep = self._chunk, self._simulation.timestep
@@ -116,32 +117,3 @@ class SceneEnvironment:
     def close(self) -> None:
         """Stop the simulation's threads."""
         self._simulation.close()
-
-
-class _MixedPath:
-    """One arm's paths for M episodes that run different skills."""
-
-    def __init__(self, count: int) -> None:
-        self.duration: FloatArray = np.zeros(count)
-        self.final_opening: FloatArray = np.zeros(count)
-        self._parts: list[ArmPath] = []
-        self._part: IntArray = np.zeros(count, dtype=np.int64)
-        self._row: IntArray = np.zeros(count, dtype=np.int64)
-
-    def add(self, rows: IntArray, path: ArmPath) -> None:
-        self.duration[rows] = path.duration
-        self.final_opening[rows] = path.opening[:, -1]
-        self._part[rows] = len(self._parts)
-        self._row[rows] = np.arange(len(rows))
-        self._parts.append(path)
-
-    def sample(self, rows: IntArray, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return joints, velocities and openings of `rows` at `times`; see `ArmPath.sample`."""
-        shape = (len(rows), len(times))
-        joints, velocities, opening = np.empty((*shape, 7)), np.empty((*shape, 7)), np.empty(shape)
-        for index, path in enumerate(self._parts):
-            here = np.flatnonzero(self._part[rows] == index)
-            if len(here):
-                sampled = path.rows(self._row[rows[here]]).sample(times)
-                joints[here], velocities[here], opening[here] = sampled
-        return joints, velocities, opening
