@@ -30,6 +30,11 @@ class SceneEnvironment:
         self.closest: FloatArray = np.empty(0)
         """[N] smallest distance from the goal so far, if `measure_distance`."""
 
+    @property
+    def timestep(self) -> float:
+        """Physics step [s]."""
+        return self._simulation.timestep
+
     def reset(self, generators: Sequence[np.random.Generator]) -> FloatArray:
         """Start one episode per generator; see `BatchEnvironment`."""
         return self.reset_to([self._task.draw_instance(generator) for generator in generators])
