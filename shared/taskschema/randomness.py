@@ -22,9 +22,7 @@ class Purpose(IntEnum):
     """The network's first weights."""
     MINIBATCHES = 3
     """Permutations of a round's update."""
-    EVALUATION = 4
-    """Held-out episodes; never used in training."""
-    AUDIT = 5
+    AUDIT = 4
     """Searches and samples of an audit."""
 
 
@@ -35,7 +33,7 @@ class EpisodeKey:
     seed: int
     """Seed of the run."""
     round: int
-    """Round, from 0; evaluation counts its own."""
+    """Round, from 0."""
     slot: int
     """Slot within the round."""
     episode: int

@@ -41,6 +41,7 @@ def cluster():
         head = [str(BIN / "ray"), "start", "--head", "--block", "--num-cpus=2", f"--port={free_port()}"]
         head += ["--node-ip-address=127.0.0.1", "--dashboard-host=127.0.0.1", f"--dashboard-port={dashboard}"]
         head += ["--object-store-memory=80000000", "--include-dashboard=true", f"--temp-dir={folder}"]
+        head += [f"--dashboard-agent-listen-port={free_port()}"]
         process = subprocess.Popen(
             head,
             env=environment,
