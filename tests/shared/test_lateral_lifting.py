@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -122,3 +124,9 @@ def test_expert_looks_only_at_the_observation_and_stays_in_the_search_spaces():
     arguments = TASK.expert_arguments(rows, 0)
     normalised = TASK.pairs.to_normalised(arguments)
     assert (np.abs(normalised) <= 1.0).all()
+
+
+def test_every_field_is_documented():
+    page = (Path(__file__).parents[2] / "docs/tasks/lateral-lifting.md").read_text()
+    for field in TASK.observation.fields:
+        assert f"| `{field.name}` | {field.size} | {field.unit} | {field.meaning} |" in page

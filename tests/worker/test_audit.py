@@ -96,9 +96,10 @@ def environment():
 
 
 def test_search_finds_what_can_be_solved(environment):
-    """The same search that must fail with one arm idle succeeds when both arms hold the bar already."""
-    found = search_arguments(environment, TASK, TASK.paper_schema, 0, 0, Search(128, 8, 32))
-    assert found.training_successes >= 5
+    """The search that must fail with one arm idle solves most instances with two."""
+    found = search_arguments(environment, TASK, TASK.paper_schema, 0, 0, Search(96, 6, 32))
+    assert found.training_successes >= 10
+    assert found.successes >= 16
 
 
 @pytest.mark.parametrize("left", [True, False])
