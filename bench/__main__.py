@@ -1,47 +1,65 @@
-"""Run the benches named, or all: `python -m bench [simulation training learner_update ...]`."""
+"""Run the benches named, or all: `python -m bench [NAME or row number ...]`.
+
+All of them together also write `bench/results.json`, which `python -m bench.report` brings into
+docs/performance.md.
+"""
 
 import argparse
 import importlib
 import json
+import time
 from pathlib import Path
 
-from bench.entry import Entry
+from bench.entry import Entry, table
 from bench.machine import machine
 
-BENCHES = {
-    "simulation": "simulated seconds per wall second against robosuite's own env.step",
-    "training": "episodes per second, shares of the wall time and memory while training",
-    "learner_update": "the learner's update against Stable-Baselines3's",
+BENCHES: dict[str, tuple[tuple[int, ...], str]] = {
+    "simulation": ((1,), "simulated seconds per wall second against robosuite's own env.step"),
+    "physics": ((3,), "cost of a physics step, steps a skill, and the limits of motions"),
+    "resets": ((10,), "reset of an episode against robosuite's hard reset"),
+    "learner_update": ((6,), "the learner's update against Stable-Baselines3's"),
+    "publishing": ((8,), "time from publishing a policy until an idle worker has it"),
+    "service": ((2, 7, 13), "the whole service while it trains, against the same physics alone"),
+    "schema_requests": ((9,), "GET /schema at 200 requests per second while training"),
+    "stopped_worker": ((12,), "a round with one of its workers stopped in the middle"),
+    "scaling": ((5, 11), "1, 2, 4, 8, 16 and 50 workers on the same cores"),
+    "saturation": ((5,), "where one learner and one Redis saturate"),
+    "fidelity": ((4,), "the shipped physics against a fine reference"),
+    "seeds_result": ((13,), "minutes and episodes of the five seeds trained by bench.seeds"),
 }
+"""Module of each bench, the rows it measures, and what it is about."""
 RESULTS = Path(__file__).with_name("results.json")
 
 
 def main() -> None:
+    words = [f"{name} ({', '.join(map(str, rows))}): {text}" for name, (rows, text) in BENCHES.items()]
     parser = argparse.ArgumentParser(prog="python -m bench", description=__doc__)
-    parser.add_argument(
-        "benches", nargs="*", choices=[[], *BENCHES], help="; ".join(map(": ".join, BENCHES.items()))
-    )
+    parser.add_argument("benches", nargs="*", metavar="BENCH", help="; ".join(words))
     parser.add_argument("--repeats", type=int, default=5, help="interleaved repeats of each measurement")
     arguments = parser.parse_args()
+    names = chosen(arguments.benches)
     entries: list[Entry] = []
-    for name in arguments.benches or BENCHES:
-        print(f"{name}: {BENCHES[name]} ...", flush=True)
+    started = time.monotonic()
+    for name in names:
+        print(f"[{time.monotonic() - started:5.0f} s] {name}: {BENCHES[name][1]} ...", flush=True)
         entries += importlib.import_module(f"bench.{name}").measure(arguments.repeats)
     print(f"\n{machine()}\n\n{table(entries)}")
     if not arguments.benches:
         RESULTS.write_text(json.dumps([entry.as_dict() for entry in entries], indent=1) + "\n")
 
 
-def table(entries: list[Entry]) -> str:
-    """Return the entries as a Markdown table."""
-    rows = ["| # | measured | value | spread | target | reached |", "|---|---|---|---|---|---|"]
-    for entry in entries:
-        sign = ">=" if entry.better == "higher" else "<="
-        rows.append(
-            f"| {entry.id} | {entry.name} | {entry.value:.3g} {entry.unit} | {entry.spread:.2g} "
-            f"| {sign} {entry.target:g} {entry.unit} | {'yes' if entry.reached else 'no'} |"
-        )
-    return "\n".join(rows)
+def chosen(words: list[str]) -> list[str]:
+    """Return the benches meant by names and row numbers; all of them if there are none."""
+    names = [
+        name
+        for name, (rows, _) in BENCHES.items()
+        if not words or name in words or any(str(row) in words for row in rows)
+    ]
+    known = {*BENCHES, *(str(row) for rows, _ in BENCHES.values() for row in rows)}
+    unknown = [word for word in words if word not in known]
+    if unknown:
+        raise SystemExit(f"No bench {', '.join(unknown)}; there are: {', '.join(BENCHES)}, or rows 1 to 13.")
+    return names
 
 
 if __name__ == "__main__":

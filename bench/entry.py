@@ -1,5 +1,6 @@
 """One measured figure, beside its target."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from statistics import median
 
@@ -11,19 +12,43 @@ class Entry:
     name: str
     value: float
     unit: str
-    target: float
+    target: float | None
+    """None: reported beside the others, without a target of its own."""
     better: str
     """`higher` or `lower`."""
     spread: float
     """Largest minus smallest of the repeats."""
 
     @classmethod
-    def of(cls, id: int, name: str, samples: list[float], unit: str, target: float, better: str) -> "Entry":
+    def of(
+        cls, id: int, name: str, samples: Sequence[float], unit: str, target: float | None, better: str
+    ) -> "Entry":
+        """Return the median of the repeats, with their spread."""
         return cls(id, name, median(samples), unit, target, better, max(samples) - min(samples))
 
     @property
-    def reached(self) -> bool:
+    def reached(self) -> bool | None:
+        """Whether the target is reached; None without one."""
+        if self.target is None:
+            return None
         return self.value >= self.target if self.better == "higher" else self.value <= self.target
 
     def as_dict(self) -> dict[str, object]:
         return asdict(self)
+
+
+def table(entries: Sequence[Entry]) -> str:
+    """Return the entries as a Markdown table."""
+    rows = ["| # | measured | value | spread | target | reached |", "|---|---|---|---|---|---|"]
+    rows += [_row(entry) for entry in sorted(entries, key=lambda entry: entry.id)]
+    return "\n".join(rows)
+
+
+def _row(entry: Entry) -> str:
+    sign = "≥" if entry.better == "higher" else "≤"
+    target = "" if entry.target is None else f"{sign} {entry.target:.3g} {entry.unit}"
+    reached = {True: "yes", False: "**no**", None: ""}[entry.reached]
+    return (
+        f"| {entry.id} | {entry.name} | {entry.value:.3g} {entry.unit} | {entry.spread:.2g} | {target} "
+        f"| {reached} |"
+    )

@@ -1,0 +1,174 @@
+"""Row 3: cost of a physics step, physics steps a skill, and the limits that motions keep."""
+
+import time
+
+import mujoco.rollout
+import numpy as np
+
+from bench.entry import Entry
+from bench.service_process import TASK
+from taskschema.arrays import FloatArray
+from taskschema.kinematics.sawyer import rethink_gripper, sawyer, sawyer_pair
+from taskschema.motion import ArmPath, PlanningContext
+from taskschema.skills.pairs import ARMS
+from taskschema.tasks.registry import get_task
+from taskschema.tasks.scene_task import SceneTask
+from taskschema_worker.scene_environment import SceneEnvironment
+
+EPISODES = 64
+STEPS = 400
+"""Physics steps an episode and a repeat."""
+LIFTED = 0.2
+"""[m] how high the object is held: below the goal."""
+SAMPLE_SECONDS = 1e-3
+"""Spacing at which planned motions are compared with the limits [s]."""
+
+
+def measure(repeats: int, episodes: int = EPISODES) -> list[Entry]:
+    task = get_task(TASK)
+    assert isinstance(task, SceneTask)
+    environment = SceneEnvironment(task)
+    rest, grasp = _at_rest(environment, episodes), _in_grasp(environment, task, episodes)
+    costs: dict[str, list[float]] = {"at rest": [], "in a two-handed grasp, object in the air": []}
+    for _ in range(repeats):
+        for name, (state, controls) in zip(costs, (rest, grasp), strict=True):
+            costs[name].append(_microseconds(environment, state, controls))
+    targets = dict(zip(costs, (30.0, 55.0), strict=True))
+    entries = [
+        Entry.of(3, f"a whole physics step {name}", samples, "us", targets[name], "lower")
+        for name, samples in costs.items()
+    ]
+    entries += _steps_per_skill(environment, task, episodes)
+    entries += _shares_of_limits(environment, task, episodes)
+    environment.close()
+    return entries
+
+
+Still = tuple[FloatArray, FloatArray]
+"""Full states [N, 1 + nq + nv] and the controls [N, nu] that hold them."""
+
+
+def _at_rest(environment: SceneEnvironment, episodes: int) -> Still:
+    _reset(environment, episodes)
+    return _held(environment, rethink_gripper().open)
+
+
+def _in_grasp(environment: SceneEnvironment, task: SceneTask, episodes: int) -> Still:
+    """Let the expert grasp the object with both hands and lift it, not as high as the goal."""
+    observations = _reset(environment, episodes)
+    for step, (left, right) in enumerate(task.paper_schema):
+        arguments = task.expert_arguments(observations, step)
+        for column, name in enumerate(task.pairs.argument_names):
+            if name.endswith("lift.distance"):
+                arguments[:, column] = LIFTED
+        pairs = np.full(episodes, task.pairs.index(left, right))
+        observations = environment.step(np.arange(episodes), pairs, arguments).observations
+    height = environment._simulation.positions[:, environment._simulation.indices.object_pose][:, 2]
+    if np.median(height) < 0.75 * LIFTED:
+        raise RuntimeError("The expert did not lift the object: this is no grasp.")
+    return _held(environment, rethink_gripper().closed)
+
+
+def _reset(environment: SceneEnvironment, episodes: int) -> FloatArray:
+    return environment.reset([np.random.default_rng(index) for index in range(episodes)])
+
+
+def _held(environment: SceneEnvironment, opening: float) -> Still:
+    simulation = environment._simulation
+    count = len(simulation.positions)
+    state = np.concatenate([np.zeros((count, 1)), simulation.positions, simulation.velocities], axis=1)
+    controls = np.zeros((count, 1, simulation.control_count))
+    joints = simulation.arm_joints(np.arange(count))
+    for arm in range(len(ARMS)):
+        set_points = joints[:, None, arm]
+        simulation.controls(
+            arm, set_points, np.zeros_like(set_points), np.full((count, 1), opening), out=controls
+        )
+    return state, controls[:, 0]
+
+
+def _microseconds(environment: SceneEnvironment, state: FloatArray, controls: FloatArray) -> float:
+    """Return the processor time of one step [us]; it all runs in this thread."""
+    simulation = environment._simulation
+    held = np.repeat(controls[:, None], STEPS, axis=1)
+    states = np.empty((len(state), STEPS, state.shape[1]))
+    rollout = mujoco.rollout.Rollout(nthread=0)
+    started = time.thread_time()
+    rollout.rollout(
+        simulation._models[: len(state)],
+        simulation._data,
+        state,
+        held,
+        control_spec=simulation._spec,
+        skip_checks=True,
+        nstep=STEPS,
+        state=states,
+    )
+    return 1e6 * (time.thread_time() - started) / (len(state) * STEPS)
+
+
+def _steps_per_skill(environment: SceneEnvironment, task: SceneTask, episodes: int) -> list[Entry]:
+    """Run each skill with random arguments in both arms: grasps from home, everything else from a grasp."""
+    space, rng = task.pairs, np.random.default_rng(0)
+    entries = []
+    for skill in space.skills:
+        if not skill.arguments:
+            continue
+        observations = _reset(environment, episodes)
+        if skill.name != "top_grasp":
+            grasp = np.full(episodes, space.index("top_grasp", "top_grasp"))
+            environment.step(np.arange(episodes), grasp, task.expert_arguments(observations, 0))
+        arguments = space.to_si(rng.uniform(-1.0, 1.0, (episodes, space.argument_count)))
+        pairs = np.full(episodes, space.index(skill.name, skill.name))
+        steps = environment.step(np.arange(episodes), pairs, arguments).physics_steps.astype(float)
+        spread = float(np.subtract(*np.percentile(steps, [75, 25])))
+        mean = float(steps.mean())
+        entries.append(
+            Entry(3, f"physics steps of {skill.name}, mean over random arguments", mean, "", None, "lower", spread)
+        )
+    return entries
+
+
+def _shares_of_limits(environment: SceneEnvironment, task: SceneTask, episodes: int) -> list[Entry]:
+    """Compare the set-points of random motions with the robot's limits, every millisecond."""
+    rng = np.random.default_rng(1)
+    speeds, accelerations = [], []
+    for skill in task.pairs.skills:
+        if not skill.arguments:
+            continue
+        for arm in range(len(ARMS)):
+            context = _context(environment, task, arm, episodes)
+            low, high = np.array([(item.low, item.high) for item in skill.arguments]).T
+            path = skill.plan(context, rng.uniform(low, high, (episodes, len(skill.arguments))))
+            speed, acceleration = shares_of_limits(path)
+            speeds.append(speed)
+            accelerations.append(acceleration)
+    return [
+        Entry(3, f"largest share of the {what} limits", max(samples), "x", 1, "lower", max(samples) - min(samples))
+        for what, samples in (("velocity", speeds), ("acceleration", accelerations))
+    ]
+
+
+def _context(environment: SceneEnvironment, task: SceneTask, arm: int, episodes: int) -> PlanningContext:
+    _reset(environment, episodes)
+    simulation, rows = environment._simulation, np.arange(episodes)
+    poses = simulation.object_poses(rows)
+    return PlanningContext(
+        arm=sawyer_pair()[arm],
+        gripper=rethink_gripper(),
+        joints=simulation.arm_joints(rows)[:, arm],
+        opening=np.full(episodes, rethink_gripper().open),
+        object_position=poses[:, :3],
+        object_quaternion=poses[:, 3:],
+        object_size=np.broadcast_to(np.array(task.object_size), (episodes, 3)),
+    )
+
+
+def shares_of_limits(path: ArmPath) -> tuple[float, float]:
+    """Return the largest shares of the velocity and acceleration limits that set-points take."""
+    times = np.arange(0.0, path.duration.max() + 2 * SAMPLE_SECONDS, SAMPLE_SECONDS)
+    joints, velocities, _ = path.sample(times)
+    # From the set-points themselves: what the path says of its own velocities is not taken on trust.
+    speed = np.abs(np.diff(joints, axis=1)) / SAMPLE_SECONDS / sawyer().velocity
+    acceleration = np.abs(np.diff(velocities, axis=1)) / SAMPLE_SECONDS / sawyer().acceleration
+    return float(speed.max()), float(acceleration.max())

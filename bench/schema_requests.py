@@ -1,0 +1,87 @@
+"""Row 9: `GET /schema` at 200 requests per second while training, and how much that slows the training."""
+
+import http.client
+import multiprocessing
+import threading
+import time
+from multiprocessing.queues import Queue
+from multiprocessing.synchronize import Event
+
+import numpy as np
+
+from bench.entry import Entry
+from bench.service_process import ServiceProcess, seconds
+
+RATE = 200.0
+"""Requests per second of all connections together."""
+CONNECTIONS = 16
+WORKERS = 2
+ROUNDS = 3
+"""Rounds with, and as many without requests, a repeat."""
+
+
+def measure(repeats: int, rounds: int = ROUNDS) -> list[Entry]:
+    percentiles, slowdowns = [], []
+    with ServiceProcess(WORKERS) as service:
+        service.wait_for_workers()
+        for _ in range(repeats):
+            quiet = seconds(service.wait_for_rounds(rounds))
+            with _Requests(service.port) as requests:
+                busy = seconds(service.wait_for_rounds(rounds))
+            percentiles.append(float(np.percentile(requests.latencies, 99)))
+            slowdowns.append(100 * (busy / quiet - 1))
+            print(f"  {len(requests.latencies)} requests, p99 {percentiles[-1]:.1f} ms, {slowdowns[-1]:+.1f} %")
+    return [
+        Entry.of(9, "GET /schema at 200/s while training, p99", percentiles, "ms", 25, "lower"),
+        Entry.of(9, "training slowed by it, clients on the same cores", slowdowns, "%", 5, "lower"),
+    ]
+
+
+class _Requests:
+    """Asks for the schema at a fixed rate from another process, while it is entered."""
+
+    def __init__(self, port: int) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._stop: Event = context.Event()
+        self._queue: Queue[list[float]] = context.Queue()
+        self._process = context.Process(target=_ask, args=(port, self._stop, self._queue))
+        self.latencies: list[float] = []
+        """From when each request was due until it was answered [ms]."""
+
+    def __enter__(self) -> "_Requests":
+        self._process.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self.latencies = self._queue.get(timeout=60)
+        self._process.join()
+
+
+def _ask(port: int, stop: Event, queue: "Queue[list[float]]") -> None:
+    latencies: list[float] = []
+    start = time.monotonic() + 0.1
+    threads = [
+        threading.Thread(target=_connection, args=(port, start + index / RATE, stop, latencies))
+        for index in range(CONNECTIONS)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    queue.put(latencies)
+
+
+def _connection(port: int, due: float, stop: Event, latencies: list[float]) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
+    while not stop.is_set():
+        time.sleep(max(0.0, due - time.monotonic()))
+        connection.request("GET", "/schema")
+        response = connection.getresponse()
+        response.read()
+        if response.status != 200:
+            raise RuntimeError(f"GET /schema answered {response.status}")
+        # A late answer delays the next request; counted from when it was due, that is not forgotten.
+        latencies.append(1e3 * (time.monotonic() - due))
+        due += CONNECTIONS / RATE
+    connection.close()
