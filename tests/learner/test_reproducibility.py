@@ -64,7 +64,7 @@ def kill_all(processes: list[psutil.Process]) -> None:
         if process.is_running():
             os.kill(process.pid, signal.SIGKILL)
     _, alive = psutil.wait_procs(processes, timeout=10)
-    assert not alive
+    assert not [process for process in alive if process.status() != psutil.STATUS_ZOMBIE]
 
 
 @pytest.fixture(scope="module")
@@ -124,6 +124,17 @@ def test_same_hash_after_everything_is_killed_at_once(tmp_path, expected):
     wait_for_rounds(tmp_path / "run", process, 2)
     kill_all([*psutil.Process(process.pid).children(recursive=True), psutil.Process(process.pid)])
     process.communicate(timeout=30)
+    finish(start(tmp_path / "run", "--resume", "--workers", "0"))
+    assert run_hash(tmp_path / "run") == expected
+
+
+def test_the_death_of_ray_ends_the_training_with_one_line(tmp_path, expected):
+    process = start(tmp_path / "run", "--task-file", SLOW, "--workers", "2")
+    wait_for_rounds(tmp_path / "run", process, 1)
+    kill_all(children(process, "raylet/raylet") + children(process, "ray::RolloutActor"))
+    output, _ = process.communicate(timeout=90)
+    assert process.returncode == 1, output
+    assert "Ray has died" in output
     finish(start(tmp_path / "run", "--resume", "--workers", "0"))
     assert run_hash(tmp_path / "run") == expected
 

@@ -73,7 +73,7 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
         learner = Learner(folder.config, task, device=options.device)
         bus = LearnerBus(connect(url), folder.name, folder.config)
         bus.acquire()
-        run_inline, workers = _start_workers(stack, options, url, folder.name)
+        tend_workers, workers = _start_workers(stack, options, url, folder.name)
         parts = Parts(
             task=task,
             folder=folder,
@@ -84,7 +84,7 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
             summaries=stack.enter_context(
                 SummaryWriter(folder.path / "tensorboard", rounds_done=len(folder.read_metrics()))
             ),
-            run_inline=run_inline,
+            tend_workers=tend_workers,
         )
         context = TrainingContext(
             folder=folder.path,
@@ -137,8 +137,8 @@ def _difference(old: RunConfig, new: RunConfig) -> str:
 
 def _start_workers(
     stack: ExitStack, options: TrainOptions, url: str, run: str
-) -> tuple[Callable[[], object] | None, int]:
-    """Start rollout actors, or a worker here; return what runs it inline and how many there are."""
+) -> tuple[Callable[[], object], int]:
+    """Start rollout actors, or a worker here; return what tends them and how many there are."""
     if options.workers == 0:
         from taskschema_worker.worker import Worker
 
@@ -147,7 +147,7 @@ def _start_workers(
         stack.callback(worker.close)
         return lambda: worker.run_once(block_ms=1), 0
     pool = stack.enter_context(WorkerPool(url, run, target=options.workers, address=options.ray))
-    return None, pool.size
+    return pool.check, pool.size
 
 
 @contextmanager

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from ray import ObjectRef
     from ray.actor import ActorHandle
 
+log = logging.getLogger("taskschema.pool")
+
 OBJECT_STORE_BYTES = 80 * 2**20
 """About the least that Ray takes; no trajectory goes through it [bytes]."""
 KNOCK_SECONDS = 5.0
@@ -108,6 +110,21 @@ class RayRuntime:
         elif self._folder is not None:
             shutil.rmtree(self._folder, ignore_errors=True)
         self._folder = None
+
+    def check(self) -> None:
+        """Return if Ray has a living node.
+
+        Raises:
+            RayError: if it has none: nothing can be placed any more.
+        """
+        import ray
+
+        try:
+            if any(node["Alive"] for node in ray.nodes()):  # type: ignore[no-untyped-call]
+                return
+        except (ray.exceptions.RayError, RuntimeError, ConnectionError) as error:
+            log.warning("Ray does not answer: %s", " ".join(str(error).split())[:300])
+        raise RayError("Ray has died: its workers cannot be replaced. Continue with --resume.")
 
     def resources(self) -> tuple[float, float]:
         """Return the cluster's CPUs and its memory [bytes]."""

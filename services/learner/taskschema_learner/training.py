@@ -65,8 +65,9 @@ class Parts:
     records: RunRecords
     observer: TrainingObserver
     summaries: SummaryWriter
-    run_inline: Callable[[], object] | None
-    """Runs the open slots in this process (`--workers 0`); None: workers elsewhere do."""
+    tend_workers: Callable[[], object]
+    """Called again and again while a round is collected: runs open slots in this process (`--workers 0`),
+    or raises when the worker pool is beyond repair."""
 
 
 class TrainingStoppedError(Exception):
@@ -108,8 +109,7 @@ def collect_round(parts: Parts, stop: threading.Event) -> list[Trajectory]:
     while len(results) < slots:
         if stop.is_set() or parts.records.stop_requested(parts.folder.name):
             raise TrainingStoppedError
-        if parts.run_inline is not None:
-            parts.run_inline()
+        parts.tend_workers()
         for result in parts.bus.results(timeout=0.25):
             results[result.slot] = result.trajectories
             parts.observer.on_collecting(len(results), slots)

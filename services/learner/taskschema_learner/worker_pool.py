@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from taskschema.bus.connection import connect
 from taskschema.bus.records import RunRecords
-from taskschema.errors import BusError
+from taskschema.errors import BusError, RayError
 from taskschema_learner.ray_runtime import RayRuntime
 
 if TYPE_CHECKING:
@@ -70,6 +70,7 @@ class WorkerPool:
         self._actors: list[_Actor] = []
         self._failures = 0
         self._retry_at = 0.0
+        self._failure: RayError | None = None
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._follow_target, name="worker-pool", daemon=True)
 
@@ -101,6 +102,15 @@ class WorkerPool:
         cores, memory = self._ray.resources()
         return max(1, min(int(cores * ACTORS_PER_CORE), int(memory / BYTES_PER_ACTOR)))
 
+    def check(self) -> None:
+        """Return if workers are there, or can be started again.
+
+        Raises:
+            RayError: if Ray itself is gone.
+        """
+        if self._failure is not None:
+            raise self._failure
+
     def memory(self) -> list[int]:
         """Return each actor's own memory [bytes], of those that answer within a second."""
         return self._ray.answers([actor.handle.memory.remote() for actor in self._actors], timeout=1.0)
@@ -131,6 +141,9 @@ class WorkerPool:
                     report_at = time.monotonic() + REPORT_SECONDS[1]
             except BusError as error:  # Redis may come back; the actors try again by themselves
                 log.warning("The worker target cannot be read: %s", error)
+            except RayError as error:
+                self._failure = error
+                return
 
     def _report_memory(self) -> None:
         sizes = self.memory()
@@ -139,6 +152,7 @@ class WorkerPool:
 
     def _reconcile(self) -> None:
         """Drop actors that ended, retire those that are too many or reserve too much, start missing ones."""
+        self._ray.check()
         target = self._records.worker_target(self._run)
         cores = max(1.0, self._ray.resources()[0])
         wanted = min(int(cores) if target is None else target, self.capacity)

@@ -7,9 +7,9 @@ import threading
 import uuid
 
 import psutil
-from taskschema.bus.worker_bus import WorkerBus
 
 from taskschema.bus.connection import connect
+from taskschema.bus.worker_bus import WorkerBus
 from taskschema_worker.worker import Worker
 
 
