@@ -114,17 +114,21 @@ class Simulation:
         while len(self._models) < count:
             self._models.append(copy.copy(self._template))
         for model, instance in zip(self._models, instances, strict=False):
-            self._set_density(model, instance.density)
+            self._set_object(model, instance)
         self.positions = np.tile(self._home, (count, 1))
         self.positions[:, self.indices.object_pose] = [instance.pose for instance in instances]
         self.velocities = np.zeros((count, self._template.nv))
         self._warmstart = np.zeros((count, self._template.nv))
 
-    def _set_density(self, model: mujoco.MjModel, density: float) -> None:
+    def _set_object(self, model: mujoco.MjModel, instance: ObjectInstance) -> None:
+        """Give an episode's model what its object has of its own; models are used again and again."""
         body = self._template.body("object").id
-        factor = density / TEMPLATE_DENSITY
+        factor = instance.density / TEMPLATE_DENSITY
         model.body_mass[body] = self._template.body_mass[body] * factor
         model.body_inertia[body] = self._template.body_inertia[body] * factor
+        geoms = self._template.geom_bodyid == body
+        sliding = self._template.geom_friction[geoms, 0]
+        model.geom_friction[geoms, 0] = sliding if instance.friction is None else instance.friction
         mujoco.mj_setConst(model, self._scratch)
 
     def controls(

@@ -37,6 +37,8 @@ class ObjectInstance:
     """Orientation in the world frame, w x y z."""
     density: float
     """[kg/m^3]"""
+    friction: float | None = None
+    """Coefficient of sliding friction of the whole object; None: as its model says."""
 
     @property
     def pose(self) -> FloatArray:
