@@ -55,7 +55,7 @@ def recorded_motion(task: LateralLifting, environment: SceneEnvironment) -> tupl
         paths = [environment.plan(arm, row, np.array([pair]), arguments) for arm in range(2)]
         seconds = max(path.duration[0] for path in paths)
         times = np.arange(1, round(seconds * CONTROL_RATE) + 1) / CONTROL_RATE
-        sampled = [path.sample(row, times) for path in paths]
+        sampled = [path.sample(times) for path in paths]
         joints.append(np.stack([points[0] for points, _, _ in sampled], axis=1))
         openings.append(np.stack([opening[0] for _, _, opening in sampled], axis=1))
         observations = environment.step(row, np.array([pair]), arguments).observations

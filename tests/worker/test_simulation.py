@@ -140,7 +140,7 @@ def test_arms_follow_their_set_points_within_the_joints_speed(environment):
     environment._simulation.advance = watched
     environment.step(episodes, np.full(8, BOTH_GRASP), arguments)
     assert (fastest <= sawyer().velocity).all()
-    final = np.stack([path.sample(episodes, np.array([10.0]))[0][:, 0] for path in planned], axis=1)
+    final = np.stack([path.sample(np.array([10.0]))[0][:, 0] for path in planned], axis=1)
     np.testing.assert_allclose(environment._simulation.arm_joints(episodes), final, atol=0.01)
 
 

@@ -91,15 +91,16 @@ class SceneEnvironment:
         success = np.zeros(len(episodes), dtype=bool)
         diverged = np.zeros(len(episodes), dtype=bool)
         steps = np.zeros(len(episodes), dtype=np.int64)
+        times: FloatArray = (np.arange(chunks.max(initial=0) * size, dtype=np.float64) + 1) * timestep
+        controls = np.empty((len(episodes), len(times), self._simulation.control_count))
+        for arm, path in enumerate(paths):
+            self._simulation.controls(arm, *path.sample(times), out=controls)
         for chunk in range(chunks.max(initial=0)):
             rows = np.flatnonzero((chunks > chunk) & ~success & ~diverged)
             if not len(rows):
                 break
-            times: FloatArray = (np.arange(size, dtype=np.float64) + (1 + chunk * size)) * timestep
-            controls = np.empty((len(rows), size, self._simulation.control_count))
-            for arm, path in enumerate(paths):
-                self._simulation.controls(arm, *path.sample(rows, times), out=controls)
-            advance = self._simulation.advance(episodes[rows], controls)
+            part = controls[rows, chunk * size : (chunk + 1) * size]
+            advance = self._simulation.advance(episodes[rows], part)
             reached = self._task.goal_reached(self._start[episodes[rows]], advance.object_poses)
             if self.measure_distance:
                 distance = self._task.goal_distance(self._start[episodes[rows]], advance.object_poses)

@@ -45,56 +45,62 @@ class ArmKinematics:
         """J."""
         return len(self.positions)
 
-    def _frames(self, joints: FloatArray) -> tuple[list[FloatArray], list[FloatArray]]:
-        """Return origins [N, 3] and rotations [N, 3, 3] of the joint frames, then of the end effector."""
+    @cached_property
+    def _axes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """X and y axes [J, 4] of the joints' frames in the ones before, and what does not turn [J, 4, 4]."""
+        x, y = (
+            np.concatenate([self.rotations[:, :, axis], np.zeros((self.joint_count, 1))], axis=1)
+            for axis in (0, 1)
+        )
+        fixed = np.zeros((self.joint_count, 4, 4))
+        fixed[:, :3, 2], fixed[:, :3, 3], fixed[:, 3, 3] = self.rotations[:, :, 2], self.positions, 1.0
+        return x, y, fixed
+
+    @cached_property
+    def _ends(self) -> tuple[FloatArray, FloatArray]:
+        """The base in the world and the tool in the last joint's frame, homogeneous [4, 4]."""
+        base, tool = np.eye(4), np.eye(4)
+        base[:3, :3], base[:3, 3] = self.base_rotation, self.base_position
+        tool[:3, :3], tool[:3, 3] = self.tool_rotation, self.tool_position
+        return base, tool
+
+    def _frames(self, joints: FloatArray) -> FloatArray:
+        """Return the joint frames, then the end effector's, in the world: homogeneous [J + 1, N, 4, 4].
+
+        Stacked products run matrix by matrix, so that the batch size does not enter.
+        """
         # Trigonometry runs on one contiguous array: strided and contiguous loops may differ in the last bit.
         angles = np.ascontiguousarray(joints, dtype=np.float64)
         cosine, sine = np.cos(angles)[:, :, None], np.sin(angles)[:, :, None]
-        count = len(angles)
-        position = np.broadcast_to(self.base_position, (count, 3))
-        rotation = np.broadcast_to(self.base_rotation, (count, 3, 3))
-        origins, turned = [], []
-        for joint in range(self.joint_count):
-            position = position + _transform(rotation, self.positions[joint])
-            fixed = _compose(rotation, self.rotations[joint])
-            x, y = fixed[:, :, 0], fixed[:, :, 1]
-            rotation = np.empty((count, 3, 3))
-            rotation[:, :, 0] = x * cosine[:, joint] + y * sine[:, joint]
-            rotation[:, :, 1] = y * cosine[:, joint] - x * sine[:, joint]
-            rotation[:, :, 2] = fixed[:, :, 2]
-            origins.append(position)
-            turned.append(rotation)
-        origins.append(position + _transform(rotation, self.tool_position))
-        turned.append(_compose(rotation, self.tool_rotation))
-        return origins, turned
+        x, y, fixed = self._axes
+        local = np.empty((len(angles), self.joint_count, 4, 4))
+        local[:] = fixed
+        local[..., 0] = x * cosine + y * sine
+        local[..., 1] = y * cosine - x * sine
+        base, tool = self._ends
+        frames = np.empty((self.joint_count + 1, len(angles), 4, 4))
+        np.matmul(base, local[:, 0], out=frames[0])
+        for joint in range(1, self.joint_count):
+            np.matmul(frames[joint - 1], local[:, joint], out=frames[joint])
+        np.matmul(frames[-2], tool, out=frames[-1])
+        return frames
 
     def forward(self, joints: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the end effector's position [N, 3] in metres and rotation [N, 3, 3] in the world frame."""
-        origins, rotations = self._frames(joints)
-        return origins[-1], rotations[-1]
+        end = self._frames(joints)[-1]
+        return end[:, :3, 3], end[:, :3, :3]
 
     def forward_and_jacobian(self, joints: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return position [N, 3], rotation [N, 3, 3] and Jacobian [N, 6, J]: linear rows, then angular."""
-        origins, rotations = self._frames(joints)
-        axes = np.stack([rotation[:, :, 2] for rotation in rotations[:-1]], axis=1)
-        arms = origins[-1][:, None, :] - np.stack(origins[:-1], axis=1)
-        jacobian = np.empty((len(axes), 6, self.joint_count))
-        ax, ay, az = axes[..., 0], axes[..., 1], axes[..., 2]
-        rx, ry, rz = arms[..., 0], arms[..., 1], arms[..., 2]
+        frames = self._frames(joints)
+        end = frames[-1]
+        axes, origins = frames[:-1, :, :3, 2], frames[:-1, :, :3, 3]
+        ax, ay, az = axes[..., 0].T, axes[..., 1].T, axes[..., 2].T
+        arms = end[:, :3, 3] - origins
+        rx, ry, rz = arms[..., 0].T, arms[..., 1].T, arms[..., 2].T
+        jacobian = np.empty((len(end), 6, self.joint_count))
         jacobian[:, 0] = ay * rz - az * ry
         jacobian[:, 1] = az * rx - ax * rz
         jacobian[:, 2] = ax * ry - ay * rx
         jacobian[:, 3], jacobian[:, 4], jacobian[:, 5] = ax, ay, az
-        return origins[-1], rotations[-1], jacobian
-
-
-def _transform(rotation: FloatArray, vector: FloatArray) -> FloatArray:
-    """Apply [N, 3, 3] to one vector [3]: written out, so that the order of the sum is fixed."""
-    return np.asarray(
-        rotation[:, :, 0] * vector[0] + rotation[:, :, 1] * vector[1] + rotation[:, :, 2] * vector[2]
-    )
-
-
-def _compose(rotation: FloatArray, fixed: FloatArray) -> FloatArray:
-    """Return [N, 3, 3] times one matrix [3, 3]."""
-    return np.stack([_transform(rotation, fixed[:, column]) for column in range(3)], axis=2)
+        return end[:, :3, 3], end[:, :3, :3], jacobian

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taskschema.arrays import FloatArray, IntArray
+from taskschema.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +40,6 @@ class ArmPath:
     def duration(self) -> FloatArray:
         """[N] seconds until the path ends."""
         return self.times[:, -1]
-
-    def rows(self, index: IntArray) -> ArmPath:
-        """Return the paths of some of the episodes, by index."""
-        return ArmPath(self.times[index], self.joints[index], self.velocities[index], self.opening[index])
 
     def then(self, following: ArmPath) -> ArmPath:
         """Return this path followed by another one, which starts where this one ends."""
