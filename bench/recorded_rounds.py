@@ -170,7 +170,7 @@ class Replay:
 def _models(simulation: Simulation, masses: FloatArray) -> list[mujoco.MjModel]:
     """Return one model per episode, its object as heavy as it was."""
     from taskschema.tasks.scene_task import ObjectInstance
-    from taskschema_worker.simulation import TEMPLATE_DENSITY
+    from taskschema_worker.object_model import TEMPLATE_DENSITY
 
     body = simulation._template.body("object").id
     densities = TEMPLATE_DENSITY * masses / simulation._template.body_mass[body]

@@ -22,6 +22,7 @@ def observation(instance, step=0):
         TASK.home_joints[None],
         np.zeros((1, 2, 7)),
         instance.pose[None],
+        np.array([TASK.object_size]) * instance.scale,
         np.array([step]),
     )
 

@@ -26,6 +26,8 @@ def context(arm=0, count=1, joints=None, opening=None, seed=0):
         object_position=poses[:, :3],
         object_quaternion=poses[:, 3:],
         object_size=np.tile(BAR_SIZE, (count, 1)),
+        top_grasp_offset=np.zeros(count),
+        side_grasp_offset=np.zeros(count),
     )
 
 

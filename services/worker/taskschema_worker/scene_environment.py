@@ -43,6 +43,7 @@ class SceneEnvironment:
         """Start one episode per given object instance and return observations [N, D]."""
         count = len(instances)
         self._simulation.reset(instances)
+        self._sizes = np.array([instance.scale for instance in instances])[:, None] * self._task.object_size
         self._start = self._simulation.object_poses(np.arange(count))
         self._opening = np.full((count, 2), rethink_gripper().open)
         self._time = np.zeros(count, dtype=np.int64)
@@ -63,6 +64,7 @@ class SceneEnvironment:
         space = self._task.pairs
         joints = self._simulation.arm_joints(episodes)[:, arm]
         poses = self._simulation.object_poses(episodes)
+        sizes = self._sizes[episodes]
         chosen = space.skill_index(pairs, arm)
         mixed = MixedPath(len(episodes))
         for index, skill in enumerate(space.skills):
@@ -75,8 +77,10 @@ class SceneEnvironment:
                 joints=joints[rows],
                 opening=self._opening[episodes[rows], arm],
                 object_position=poses[rows, :3],
-                object_quaternion=poses[rows, 3:],
-                object_size=np.broadcast_to(np.array(self._task.object_size), (len(rows), 3)),
+                object_quaternion=poses[rows, 3:7],
+                object_size=sizes[rows],
+                top_grasp_offset=self._task.top_grasp_height * sizes[rows, 2],
+                side_grasp_offset=self._task.side_grasp_height * sizes[rows, 2],
             )
             mixed.add(rows, skill.plan(context, arguments[rows, space.columns(arm, index)]))
         return mixed
@@ -117,6 +121,7 @@ class SceneEnvironment:
             simulation.arm_joints(episodes),
             simulation.arm_velocities(episodes),
             simulation.object_poses(episodes),
+            self._sizes[episodes],
             self._time[episodes],
         )
 

@@ -12,11 +12,10 @@ from taskschema.arrays import BoolArray, FloatArray, IntArray
 from taskschema.kinematics.sawyer import rethink_gripper
 from taskschema.skills.pairs import ARMS
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
+from taskschema_worker.object_model import ObjectModel
 from taskschema_worker.scenes import scene_model
 
 ARM_JOINTS = 7
-TEMPLATE_DENSITY = 1000.0
-"""Density that object models are written with [kg/m^3]."""
 CLOSED_COMMAND = -0.1
 """Finger set-point far inside the object [m]: the finger then presses with its full force at any width."""
 
@@ -40,8 +39,8 @@ class SceneIndices:
         self.finger_controls = self._table(
             [[model.actuator(name).id for name in row] for row in finger_names]
         )
-        start = int(model.joint("object").qposadr[0])
-        self.object_pose = slice(start, start + 7)
+        self.object_pose = slice(int(model.joint("object").qposadr[0]), model.nq)
+        """The free joint comes first, the object's own joints follow it, and nothing follows those."""
 
     @staticmethod
     def _table(rows: list[list[int]]) -> IntArray:
@@ -53,7 +52,7 @@ class Advance:
     """Where a stretch of physics led, for M episodes of S steps."""
 
     object_poses: FloatArray
-    """[M, S, 7]"""
+    """[M, S, 7 + h]"""
     diverged: BoolArray
     """[M] whether the simulator gave up."""
 
@@ -80,7 +79,7 @@ class Simulation:
         self._lag = self._servo_lag()
         self._gripper = rethink_gripper()
         self._models: list[mujoco.MjModel] = []
-        self._scratch = mujoco.MjData(self._template)
+        self._object = ObjectModel(self._template)
         self._data = [mujoco.MjData(self._template) for _ in range(max(threads, 1))]
         # A pool of one thread would only add switches: the calling thread does the work.
         self._rollout = mujoco.rollout.Rollout(nthread=threads if threads > 1 else 0)
@@ -114,22 +113,11 @@ class Simulation:
         while len(self._models) < count:
             self._models.append(copy.copy(self._template))
         for model, instance in zip(self._models, instances, strict=False):
-            self._set_object(model, instance)
+            self._object.write(model, instance)
         self.positions = np.tile(self._home, (count, 1))
         self.positions[:, self.indices.object_pose] = [instance.pose for instance in instances]
         self.velocities = np.zeros((count, self._template.nv))
         self._warmstart = np.zeros((count, self._template.nv))
-
-    def _set_object(self, model: mujoco.MjModel, instance: ObjectInstance) -> None:
-        """Give an episode's model what its object has of its own; models are used again and again."""
-        body = self._template.body("object").id
-        factor = instance.density / TEMPLATE_DENSITY
-        model.body_mass[body] = self._template.body_mass[body] * factor
-        model.body_inertia[body] = self._template.body_inertia[body] * factor
-        geoms = self._template.geom_bodyid == body
-        sliding = self._template.geom_friction[geoms, 0]
-        model.geom_friction[geoms, 0] = sliding if instance.friction is None else instance.friction
-        mujoco.mj_setConst(model, self._scratch)
 
     def controls(
         self, arm: int, joints: FloatArray, velocities: FloatArray, opening: FloatArray, out: FloatArray
@@ -183,7 +171,7 @@ class Simulation:
         return self.velocities[episodes][:, self.indices.arm_velocities]
 
     def object_poses(self, episodes: IntArray) -> FloatArray:
-        """Return the object's pose [M, 7]."""
+        """Return the object's pose [M, 7 + h]."""
         return self.positions[episodes][:, self.indices.object_pose]
 
     def close(self) -> None:

@@ -25,3 +25,7 @@ class PlanningContext:
     """[N, 4] the object's orientation, w x y z."""
     object_size: FloatArray
     """[N, 3] the object's edge lengths in its own frame [m]."""
+    top_grasp_offset: FloatArray
+    """[N] from the object's centre along its z axis to where a grasp from above takes it [m]."""
+    side_grasp_offset: FloatArray
+    """[N] the same for a grasp from the side [m]."""

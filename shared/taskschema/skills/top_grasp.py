@@ -31,8 +31,9 @@ WRIST_MARGIN = 0.3
 class TopGrasp(Skill):
     """Open, move above a point near the object, come down with the fingers around it, close.
 
-    The grasp's height is the skill's own: the object's centre, or as low as the table lets the finger tips
-    go. The gripper is symmetric, so of an orientation and its half turn the nearer one is taken.
+    The grasp's height is the skill's own: where the object is to be taken from above (its centre, a bottle's
+    cap), or as low as the table lets the finger tips go. The gripper is symmetric, so of an orientation and
+    its half turn the nearer one is taken.
     """
 
     name: ClassVar[str] = "top_grasp"
@@ -70,6 +71,7 @@ class TopGrasp(Skill):
         above[:, :2] += arguments[:, :2]
         grasp = above.copy()
         above[:, 2] = top
+        grasp[:, 2] += context.top_grasp_offset * _uprightness(context.object_quaternion)
         grasp[:, 2] = np.maximum(grasp[:, 2], TABLE_MARGIN + context.gripper.fingertip)
         seed = raised.copy()
         turn = _nearest_turn(context, arguments[:, 2])
@@ -88,6 +90,12 @@ def _half_height(size: FloatArray, quaternion: FloatArray) -> FloatArray:
     shares = (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
     half = np.abs(shares[0]) * size[:, 0] + np.abs(shares[1]) * size[:, 1] + np.abs(shares[2]) * size[:, 2]
     return np.asarray(0.5 * half)
+
+
+def _uprightness(quaternion: FloatArray) -> FloatArray:
+    """Return the cosine [N] of the angle between the object's z axis and the world's."""
+    x, y = quaternion[:, 1], quaternion[:, 2]
+    return np.asarray(1 - 2 * (x * x + y * y))
 
 
 def _raised(context: PlanningContext, height: FloatArray) -> FloatArray:

@@ -28,11 +28,13 @@ class SceneGeometry:
     """What is the same in every episode of a task."""
 
     object_size: tuple[float, float, float]
-    """Edge lengths of the object [m]."""
+    """Edge lengths of the object at scale 1 [m]."""
     home_joints: FloatArray
     """[2, 7] both arms at the start of an episode [rad]."""
     horizon: int
     """T"""
+    object_joints: tuple[str, ...] = ()
+    """Names of the object's own joints."""
 
     @cached_property
     def home_poses(self) -> tuple[FloatArray, FloatArray]:
@@ -105,6 +107,10 @@ def scene_layout(geometry: SceneGeometry) -> ObservationLayout:
             0.5,
         ),
     ]
+    fields += [
+        ObservationField(f"object.{name}", 1, "rad", f"Angle of the object's {name}.", 0.0, 1.0)
+        for name in geometry.object_joints
+    ]
     for index, arm in enumerate(ARMS):
         relative = rotate(geometry.home_object_quaternions[index], -positions[index])
         fields += [
@@ -133,6 +139,7 @@ def observe(
     joints: FloatArray,
     velocities: FloatArray,
     object_pose: FloatArray,
+    object_size: FloatArray,
     steps: IntArray,
 ) -> FloatArray:
     """Return observations [N, D] in the order of `scene_layout`.
@@ -141,12 +148,13 @@ def observe(
         geometry: of the task.
         joints: [N, 2, 7] angles of both arms [rad].
         velocities: [N, 2, 7] [rad/s].
-        object_pose: [N, 7] centre [m] and quaternion in the world frame.
+        object_pose: [N, 7 + h] centre [m] and quaternion in the world frame, and h joint positions [rad].
+        object_size: [N, 3] edge lengths [m].
         steps: [N] the number of steps executed, 0 to T.
     """
     columns: list[FloatArray] = []
     relative: list[FloatArray] = []
-    object_position, object_quaternion = object_pose[:, :3], object_pose[:, 3:]
+    object_position, object_quaternion = object_pose[:, :3], object_pose[:, 3:7]
     for index, arm in enumerate(sawyer_pair()):
         position, rotation = arm.forward(joints[:, index])
         quaternion = same_hemisphere(matrix_to_quaternion(rotation), geometry.home_poses[1][index])
@@ -159,6 +167,6 @@ def observe(
             ),
         ]
     timestep = np.eye(geometry.horizon + 1)[steps][:, : geometry.horizon]
-    size = np.broadcast_to(np.array(geometry.object_size), (len(joints), 3))
-    columns += [timestep, size, object_position, same_hemisphere(object_quaternion, IDENTITY), *relative]
+    orientation = same_hemisphere(object_quaternion, IDENTITY)
+    columns += [timestep, object_size, object_position, orientation, object_pose[:, 7:], *relative]
     return np.concatenate(columns, axis=1)

@@ -7,6 +7,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
@@ -39,25 +40,40 @@ class ObjectInstance:
     """[kg/m^3]"""
     friction: float | None = None
     """Coefficient of sliding friction of the whole object; None: as its model says."""
+    scale: float = 1.0
+    """Factor on every length of the task's `object_mjcf`, about the object's centre."""
+    joints: tuple[float, ...] = ()
+    """Positions of the object's own joints [rad]."""
 
     @property
     def pose(self) -> FloatArray:
-        """[7] position and quaternion."""
-        return np.array([*self.position, *self.quaternion])
+        """[7 + h] position, quaternion, and the positions of its h joints."""
+        return np.array([*self.position, *self.quaternion, *self.joints])
 
 
 class SceneTask(Task):
     """A task whose physics runs in MuJoCo: an object, how it varies, and the goal of its motion."""
 
+    object_joints: ClassVar[tuple[str, ...]] = ()
+    """The object's own joints, such as a hinge, in their order within `object_mjcf`."""
+    top_grasp_height: ClassVar[float] = 0.0
+    """Where a grasp from above takes the object: above its centre, as a share of its height."""
+    side_grasp_height: ClassVar[float] = 0.0
+    """Where a grasp from the side takes the object: above its centre, as a share of its height."""
+
     @property
     @abstractmethod
     def object_size(self) -> tuple[float, float, float]:
-        """Edge lengths of the object in its own frame [m]: the observation's geometry."""
+        """Edge lengths of the object at scale 1 in its own frame [m]: the observation's geometry."""
 
     @property
     @abstractmethod
     def object_mjcf(self) -> str:
-        """The object as an MJCF model: one body `object` with a free joint, of density 1000 kg/m^3."""
+        """The object as an MJCF model of density 1000 kg/m^3.
+
+        One body `object`, its frame at the centre of its bounding box, with a free joint `object`; other
+        links are its children, each with one joint.
+        """
 
     @abstractmethod
     def draw_instance(self, generator: np.random.Generator) -> ObjectInstance:
@@ -77,8 +93,9 @@ class SceneTask(Task):
         """Test the goal along a motion.
 
         Args:
-            start: [M, 7] the object's pose at the start of the episode: position, then quaternion w x y z.
-            poses: [M, S, 7] its pose over time.
+            start: [M, 7 + h] the object's pose at the start of the episode: position, quaternion w x y z,
+                and the positions of its h `object_joints`.
+            poses: [M, S, 7 + h] its pose over time.
 
         Returns:
             [M, S] whether the goal holds.
@@ -101,7 +118,7 @@ class SceneTask(Task):
     @cached_property
     def geometry(self) -> SceneGeometry:
         """What the observation and its scaling are relative to."""
-        return SceneGeometry(self.object_size, self.home_joints, self.horizon)
+        return SceneGeometry(self.object_size, self.home_joints, self.horizon, self.object_joints)
 
     @cached_property
     def observation(self) -> ObservationLayout:
