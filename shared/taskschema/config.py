@@ -87,7 +87,7 @@ class NetworkConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
     hidden: tuple[int, ...] = (64, 64, 64, 64)
     """Units of the hidden layers, ReLU each (paper: 4 layers of 64)."""
-    initial_log_std: float = -0.5
+    initial_log_std: float = -1.0
     """Log standard deviation of every argument at the start [normalised units, search space = +-1]."""
 
     def __post_init__(self) -> None:
