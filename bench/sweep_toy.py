@@ -129,7 +129,7 @@ def settings() -> list[tuple[str, dict[str, str]]]:
     alphas, betas = ("0.1", "0.3", "1", "2", "5"), ("5e-5", "2e-4", "1e-3")
     rows += [("toy", {"schema.alpha": a, "schema.beta": b}) for a in alphas for b in betas]
     rows += [("toy-trap", {"schema.alpha": a}) for a in ("0.3", "1", "5")]
-    rows += [("toy", {"network.initial_log_std": value}) for value in ("-1", "-0.7")]
+    rows += [("toy", {"network.initial_log_std": value}) for value in ("-1.5",)]
     rows += [("toy", {"ppo.advantage_std_floor": value}) for value in ("0", "0.05", "0.2")]
     rows += [("toy", {"ppo.entropy_coefficient": "0"}), ("toy", {"ppo.value_clip": "null"})]
     return rows
