@@ -4,8 +4,13 @@ from collections.abc import Iterator
 
 import pytest
 from bus_setup import Run
+from hypothesis import settings
 
 from taskschema_learner.embedded_redis import EmbeddedRedis
+
+# How long an example takes depends on the machine's other work: never a reason to fail.
+settings.register_profile("taskschema", deadline=None)
+settings.load_profile("taskschema")
 
 
 @pytest.fixture(scope="session")
