@@ -8,11 +8,12 @@ import numpy as np
 from bench.entry import Entry
 from bench.service_process import TASK
 from taskschema.arrays import FloatArray
-from taskschema.kinematics.sawyer import rethink_gripper, sawyer, sawyer_pair
-from taskschema.motion import ArmPath, PlanningContext
+from taskschema.kinematics.sawyer import rethink_gripper, sawyer
+from taskschema.motion import ArmPath
 from taskschema.skills.pairs import ARMS
 from taskschema.tasks.registry import get_task
 from taskschema.tasks.scene_task import SceneTask
+from taskschema_worker.mixed_path import MixedPath
 from taskschema_worker.scene_environment import SceneEnvironment
 
 EPISODES = 64
@@ -124,7 +125,15 @@ def _steps_per_skill(environment: SceneEnvironment, task: SceneTask, episodes: i
         spread = float(np.subtract(*np.percentile(steps, [75, 25])))
         mean = float(steps.mean())
         entries.append(
-            Entry(3, f"physics steps of {skill.name}, mean over random arguments", mean, "", None, "lower", spread)
+            Entry(
+                3,
+                f"physics steps of {skill.name}, mean over random arguments",
+                mean,
+                "",
+                None,
+                "lower",
+                spread,
+            )
         )
     return entries
 
@@ -136,35 +145,29 @@ def _shares_of_limits(environment: SceneEnvironment, task: SceneTask, episodes: 
     for skill in task.pairs.skills:
         if not skill.arguments:
             continue
+        _reset(environment, episodes)
+        pairs = np.full(episodes, task.pairs.index(skill.name, skill.name))
+        arguments = task.pairs.to_si(rng.uniform(-1.0, 1.0, (episodes, task.pairs.argument_count)))
         for arm in range(len(ARMS)):
-            context = _context(environment, task, arm, episodes)
-            low, high = np.array([(item.low, item.high) for item in skill.arguments]).T
-            path = skill.plan(context, rng.uniform(low, high, (episodes, len(skill.arguments))))
+            path = environment.plan(arm, np.arange(episodes), pairs, arguments)
             speed, acceleration = shares_of_limits(path)
             speeds.append(speed)
             accelerations.append(acceleration)
     return [
-        Entry(3, f"largest share of the {what} limits", max(samples), "x", 1, "lower", max(samples) - min(samples))
+        Entry(
+            3,
+            f"largest share of the {what} limits",
+            max(samples),
+            "x",
+            1,
+            "lower",
+            max(samples) - min(samples),
+        )
         for what, samples in (("velocity", speeds), ("acceleration", accelerations))
     ]
 
 
-def _context(environment: SceneEnvironment, task: SceneTask, arm: int, episodes: int) -> PlanningContext:
-    _reset(environment, episodes)
-    simulation, rows = environment._simulation, np.arange(episodes)
-    poses = simulation.object_poses(rows)
-    return PlanningContext(
-        arm=sawyer_pair()[arm],
-        gripper=rethink_gripper(),
-        joints=simulation.arm_joints(rows)[:, arm],
-        opening=np.full(episodes, rethink_gripper().open),
-        object_position=poses[:, :3],
-        object_quaternion=poses[:, 3:],
-        object_size=np.broadcast_to(np.array(task.object_size), (episodes, 3)),
-    )
-
-
-def shares_of_limits(path: ArmPath) -> tuple[float, float]:
+def shares_of_limits(path: ArmPath | MixedPath) -> tuple[float, float]:
     """Return the largest shares of the velocity and acceleration limits that set-points take."""
     times = np.arange(0.0, path.duration.max() + 2 * SAMPLE_SECONDS, SAMPLE_SECONDS)
     joints, velocities, _ = path.sample(times)

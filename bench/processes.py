@@ -5,10 +5,14 @@ import time
 from collections.abc import Callable
 from multiprocessing.queues import Queue
 from multiprocessing.synchronize import Barrier
+from queue import Empty
+from threading import BrokenBarrierError
 from typing import Any
 
 from threadpoolctl import threadpool_limits
 
+LONGEST_SECONDS = 600.0
+"""After this long, work is taken for failed [s]."""
 Prepare = Callable[[int], Callable[[], Any]]
 """Takes the number of the process, sets everything up, and returns the work to be timed."""
 
@@ -23,9 +27,14 @@ def run_together(prepare: Prepare, processes: int) -> tuple[float, list[Any]]:
     ]
     for child in children:
         child.start()
-    ready.wait()
-    started = time.monotonic()
-    answers = dict(results.get() for _ in children)
+    try:
+        ready.wait()
+        started = time.monotonic()
+        answers = dict(results.get(timeout=LONGEST_SECONDS) for _ in children)
+    except (BrokenBarrierError, Empty):
+        for child in children:
+            child.kill()
+        raise RuntimeError("One of the processes failed: see what it wrote above.") from None
     seconds = time.monotonic() - started
     for child in children:
         child.join()
@@ -34,6 +43,10 @@ def run_together(prepare: Prepare, processes: int) -> tuple[float, list[Any]]:
 
 def _child(prepare: Prepare, index: int, ready: Barrier, results: "Queue[tuple[int, Any]]") -> None:
     with threadpool_limits(limits=1):
-        work = prepare(index)
+        try:
+            work = prepare(index)
+        except BaseException:
+            ready.abort()
+            raise
         ready.wait()
         results.put((index, work()))

@@ -1,4 +1,4 @@
-"""The first rounds of a training, computed here: their policies, and every state and control that physics saw.
+"""The first rounds of a training, computed here: their policies, and all states and controls of the physics.
 
 A run is a function of its config and seed, so these are the very rounds that a service with the same seed
 runs; their hashes say so.
@@ -16,9 +16,11 @@ from bench.service_process import TASK
 from taskschema.arrays import FloatArray, IntArray
 from taskschema.config import RunConfig
 from taskschema.policies import Policy, PolicySnapshot
+from taskschema.randomness import EpisodeKey, Purpose, generator
 from taskschema.tasks.registry import get_task
 from taskschema.tasks.scene_task import SceneTask
 from taskschema.trajectory import Trajectory
+from taskschema_learner.learner import Learner
 from taskschema_worker.rollout import collect_slots
 from taskschema_worker.scene_environment import SceneEnvironment
 from taskschema_worker.simulation import Advance, Simulation
@@ -49,8 +51,6 @@ def worker_slots(config: RunConfig, worker: int, workers: int) -> range:
 
 def record(folder: Path, rounds: int, workers: int, config: RunConfig | None = None) -> RecordedRounds:
     """Compute the first rounds of a run of `TASK` as `workers` processes would share them."""
-    from taskschema_learner.learner import Learner
-
     config = config or RunConfig(task=TASK)
     task = get_task(TASK)
     assert isinstance(task, SceneTask)
@@ -117,21 +117,19 @@ class _StateLog:
 
     def write(self, path: Path) -> None:
         """Write the file and stop logging."""
-        simulation = self._simulation
-        simulation.advance = self._advance  # type: ignore[method-assign]
-        body = simulation._template.body("object").id
-        masses = np.array([model.body_mass[body] for model in simulation._models])
+        self._simulation.advance = self._advance  # type: ignore[method-assign]
         named = {f"{name}{i}": array for i, item in enumerate(self._arrays) for name, array in item.items()}
-        np.savez(path, masses=masses, count=np.array(len(self._arrays)), **named)
+        np.savez(path, count=np.array(len(self._arrays)), **named)
 
 
 class Replay:
     """Recorded stretches of physics, ready to run again through nothing but `mujoco.rollout`."""
 
-    def __init__(self, recorded: RecordedRounds, rounds: list[int], worker: int) -> None:
-        task = get_task(TASK)
+    def __init__(self, recorded: RecordedRounds, rounds: list[int], worker: int, workers: int) -> None:
+        config, task = RunConfig(task=TASK), get_task(TASK)
         assert isinstance(task, SceneTask)
         simulation = Simulation(task, threads=1)
+        slots = worker_slots(config, worker, workers)
         self._data = simulation._data
         self._spec = simulation._spec
         self._rollout = mujoco.rollout.Rollout(nthread=0)
@@ -139,7 +137,7 @@ class Replay:
         self._calls: list[tuple[list[mujoco.MjModel], FloatArray, FloatArray, FloatArray]] = []
         for round_index in rounds:
             with recorded.stretches(round_index, worker) as file:
-                models = _models(simulation, file["masses"])
+                models = _models(simulation, task, config, round_index, slots)
                 for index in range(int(file["count"])):
                     controls = file[f"controls{index}"]
                     chosen = [models[episode] for episode in file[f"episodes{index}"]]
@@ -167,13 +165,15 @@ class Replay:
         return np.asarray(states[-1, -1])
 
 
-def _models(simulation: Simulation, masses: FloatArray) -> list[mujoco.MjModel]:
-    """Return one model per episode, its object as heavy as it was."""
-    from taskschema.tasks.scene_task import ObjectInstance
-    from taskschema_worker.object_model import TEMPLATE_DENSITY
-
-    body = simulation._template.body("object").id
-    densities = TEMPLATE_DENSITY * masses / simulation._template.body_mass[body]
+def _models(
+    simulation: Simulation, task: SceneTask, config: RunConfig, round_index: int, slots: range
+) -> list[mujoco.MjModel]:
+    """Return new models of the episodes of some slots, each with the object that it drew."""
+    keys = [
+        EpisodeKey(config.seed, round_index, slot, episode)
+        for slot in slots
+        for episode in range(config.episodes_per_slot)
+    ]
     simulation._models = []
-    simulation.reset([ObjectInstance((0, 0, 1), (1, 0, 0, 0), density) for density in densities])
+    simulation.reset([task.draw_instance(generator(key, Purpose.RESET)) for key in keys])
     return simulation._models

@@ -25,7 +25,7 @@ SEED = 7
 
 
 def reference_model(task: SceneTask) -> mujoco.MjModel:
-    """Compile the task's scene with a step of 1 ms, a tight solver, and every body colliding with every other.
+    """Compile the task's scene with steps of 1 ms, a tight solver, and all bodies colliding with all others.
 
     Links whose shapes overlap already at home, as neighbours' do, are left out.
     """

@@ -30,7 +30,9 @@ def measure(repeats: int, rounds: int = ROUNDS) -> list[Entry]:
                 busy = seconds(service.wait_for_rounds(rounds))
             percentiles.append(float(np.percentile(requests.latencies, 99)))
             slowdowns.append(100 * (busy / quiet - 1))
-            print(f"  {len(requests.latencies)} requests, p99 {percentiles[-1]:.1f} ms, {slowdowns[-1]:+.1f} %")
+            print(
+                f"  {len(requests.latencies)} requests, p99 {percentiles[-1]:.1f} ms, {slowdowns[-1]:+.1f} %"
+            )
     return [
         Entry.of(9, "GET /schema at 200/s while training, p99", percentiles, "ms", 25, "lower"),
         Entry.of(9, "training slowed by it, clients on the same cores", slowdowns, "%", 5, "lower"),

@@ -1,4 +1,4 @@
-"""Row 13: minutes and episodes to 90 % of the five seeds; `python -m bench.seeds lateral-lifting` trains them."""
+"""Row 13: minutes and episodes to 90 % of the five seeds that `python -m bench.seeds` trained."""
 
 import csv
 from pathlib import Path

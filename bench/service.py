@@ -1,7 +1,8 @@
 """Rows 2, 7 and 13: the whole service while it trains, beside the same rollouts and the same physics alone.
 
-Every repeat runs one after the other: the service (Redis, Ray, workers, learner, API); the same rounds' rollouts
-in as many processes with nothing else; the same physics in as many processes through bare `mujoco.rollout`.
+Every repeat runs one after the other: the service (Redis, Ray, workers, learner, API); the same rounds'
+rollouts in as many processes with nothing else; the same physics in as many processes through bare
+`mujoco.rollout`.
 """
 
 import tempfile
@@ -17,8 +18,12 @@ from bench.processes import run_together
 from bench.recorded_rounds import RecordedRounds, Replay, collect, record, worker_slots
 from bench.service_process import TASK, ServiceProcess, seconds
 from taskschema.config import RunConfig
+from taskschema.policies import Policy
 from taskschema.tasks.registry import get_task
 from taskschema.tasks.scene_task import SceneTask
+from taskschema.trajectory import Trajectory, encode_slot
+from taskschema_worker.mixed_path import MixedPath
+from taskschema_worker.scene_environment import SceneEnvironment
 
 WORKERS = 2
 RECORDED = 10
@@ -83,44 +88,36 @@ PARTS = ("encoding", "inference", "planning")
 
 
 def _bare_physics(recorded: RecordedRounds, rounds: list[int], worker: int) -> Callable[[], Any]:
-    return Replay(recorded, rounds, worker)
+    return Replay(recorded, rounds, worker, WORKERS)
 
 
 def _bare_rollouts(
     recorded: RecordedRounds, rounds: list[int], worker: int
 ) -> Callable[[], dict[str, float]]:
     """Return rollouts of some rounds that say how long each part of them took [s]."""
-    import taskschema_worker.scene_environment as scene_environment
-    from taskschema.policies import Policy
-    from taskschema.trajectory import encode_slot
-
     config, task, spent = RunConfig(task=TASK), get_task(TASK), Counter[str]()
     assert isinstance(task, SceneTask)
-    # Planning is what turns arguments into set-points: waypoints, their timing, and samples for the simulator.
-    _timed(scene_environment.SceneEnvironment, "_plan", "planning", spent)
-    _timed(scene_environment._MixedPath, "sample", "planning", spent)
+    # Planning turns arguments into set-points: waypoints, their timing, and samples for the simulator.
+    _timed(SceneEnvironment, "plan", "planning", spent)
+    _timed(MixedPath, "sample", "planning", spent)
     _timed(Policy, "act", "inference", spent)
-    environment = scene_environment.SceneEnvironment(task)
+    environment = SceneEnvironment(task)
     snapshots = [recorded.snapshot(number) for number in rounds]
     slots = worker_slots(config, worker, WORKERS)
     collect(environment, task, config, snapshots[0], 0, slots[:1])
 
     def work() -> dict[str, float]:
         spent.clear()
-        trajectories = []
+        trajectories: list[Trajectory] = []
         for number, snapshot in zip(rounds, snapshots, strict=True):
             trajectories += collect(environment, task, config, snapshot, number, slots)
-        return dict.fromkeys(PARTS, 0.0) | spent | {"encoding": _seconds_of_encoding(encode_slot, trajectories)}
+        started = time.perf_counter()
+        for start in range(0, len(trajectories), config.episodes_per_slot):
+            encode_slot(trajectories[start : start + config.episodes_per_slot])
+        spent["encoding"] += time.perf_counter() - started
+        return {name: spent[name] for name in PARTS}
 
     return work
-
-
-def _seconds_of_encoding(encode: Callable[[list[Any]], bytes], trajectories: list[Any]) -> float:
-    size = RunConfig(task=TASK).episodes_per_slot
-    started = time.perf_counter()
-    for start in range(0, len(trajectories), size):
-        encode(trajectories[start : start + size])
-    return time.perf_counter() - started
 
 
 def _timed(owner: type, name: str, part: str, spent: Counter[str]) -> None:

@@ -44,7 +44,9 @@ def measure(repeats: int, slots: int = 50, lease_seconds: float = LEASE_SECONDS)
                 undisturbed.append(rounds.seconds())
                 disturbed = rounds.seconds(stopped=workers[0].pid, after=0.5 * undisturbed[-1])
                 beyond.append(disturbed - undisturbed[-1])
-                print(f"  {undisturbed[-1]:.1f} s undisturbed, {beyond[-1]:+.1f} s with one stopped", flush=True)
+                print(
+                    f"  {undisturbed[-1]:.1f} s undisturbed, {beyond[-1]:+.1f} s with one stopped", flush=True
+                )
         finally:
             for worker in workers:
                 worker.terminate()
@@ -52,8 +54,12 @@ def measure(repeats: int, slots: int = 50, lease_seconds: float = LEASE_SECONDS)
     # Its slots are half of the round, and take the other worker as long as a round.
     target = lease_seconds + max(undisturbed)
     return [
-        Entry.of(12, "a round's extra wall time with one of two workers stopped", beyond, "s", target, "lower"),
-        Entry.of(12, f"a round undisturbed; lease timeout {lease_seconds:g} s", undisturbed, "s", None, "lower"),
+        Entry.of(
+            12, "a round's extra wall time with one of two workers stopped", beyond, "s", target, "lower"
+        ),
+        Entry.of(
+            12, f"a round undisturbed; lease timeout {lease_seconds:g} s", undisturbed, "s", None, "lower"
+        ),
     ]
 
 
@@ -96,9 +102,5 @@ class _Rounds:
         self._round += 1
         if stopped is not None:
             os.kill(stopped, signal.SIGCONT)
-            self._wait_until_idle()
+            self.seconds()  # in which it delivers what nobody waits for any more
         return seconds
-
-    def _wait_until_idle(self) -> None:
-        """Let the worker that goes on deliver what nobody waits for any more."""
-        time.sleep(3.0)

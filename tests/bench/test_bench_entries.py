@@ -1,0 +1,38 @@
+"""Entries, their table, and which benches a word means."""
+
+import pytest
+from bench.__main__ import BENCHES, chosen
+from bench.entry import Entry, table
+
+
+def test_an_entry_holds_the_median_and_the_spread():
+    entry = Entry.of(8, "delay", [3.0, 1.0, 7.0], "ms", 5, "lower")
+    assert (entry.value, entry.spread, entry.reached) == (3.0, 6.0, True)
+
+
+def test_higher_is_better_where_it_says_so():
+    assert Entry.of(2, "share", [0.94], "x", 0.93, "higher").reached
+    assert not Entry.of(2, "share", [0.92], "x", 0.93, "higher").reached
+    assert Entry.of(2, "share", [0.92], "x", None, "higher").reached is None
+
+
+def test_table_is_in_the_order_of_rows_and_marks_what_is_missed():
+    text = table(
+        [Entry.of(9, "late", [30.0], "ms", 25, "lower"), Entry.of(2, "early", [1.0], "x", 0.9, "higher")]
+    )
+    early, late = text.splitlines()[2:]
+    assert early.startswith("| 2 | early")
+    assert early.endswith("| yes |")
+    assert late.endswith("| ≤ 25 ms | **no** |")
+
+
+def test_every_row_of_the_table_has_a_bench():
+    assert {row for rows, _ in BENCHES.values() for row in rows} == set(range(1, 14))
+
+
+def test_benches_are_chosen_by_name_and_by_row():
+    assert chosen([]) == list(BENCHES)
+    assert chosen(["11"]) == ["scaling"]
+    assert chosen(["resets", "4"]) == ["resets", "fidelity"]
+    with pytest.raises(SystemExit, match="No bench nonsense"):
+        chosen(["nonsense"])

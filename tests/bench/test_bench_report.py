@@ -1,0 +1,63 @@
+"""What becomes of measured figures: predictions for a cluster, and the section of the document."""
+
+import pytest
+from bench import growth
+from bench.entry import Entry
+from bench.report import BEGIN, DOCUMENT, END, draw, section, with_section
+
+PARTS = growth.Parts(
+    rollout_seconds={1: 0.1, 50: 2.6},
+    update_seconds={50: 0.05, 100: 0.15},
+    intake_seconds=0.001,
+    redis_seconds=0.0001,
+    message_bytes=4000,
+)
+MEASURED = growth.Growth("a machine", (growth.WorkerCount(1, 80.0, 2.5, 5),), PARTS)
+
+
+def test_a_round_lasts_as_long_as_its_largest_share_and_the_update():
+    # 8 workers: shares of 7 slots, 0.1 + 6/49 * 2.5 = 0.406 s, then 0.05 s.
+    item = growth.predict(PARTS, workers=8, slots=50)
+    assert item.seconds_per_round == pytest.approx(0.1 + 6 / 49 * 2.5 + 0.05)
+    assert item.episodes_per_second == pytest.approx(200 / item.seconds_per_round)
+
+
+def test_the_learners_intake_bounds_a_round_of_many_workers():
+    # 1,000 slots on 1,000 workers: 0.1 s of simulation, but 1 s of intake; the update grows in proportion.
+    item = growth.predict(PARTS, workers=1000, slots=1000)
+    assert item.seconds_per_round == pytest.approx(1.0 + 1.5)
+
+
+def test_saturation_counts_workers_that_make_as_many_trajectories():
+    # One worker makes 200 trajectories in 2.6 s; the intake takes 4 in 1 ms.
+    episodes, workers = growth.saturation(PARTS)["learner's intake"]
+    assert episodes == pytest.approx(4000)
+    assert workers == pytest.approx(4000 / (200 / 2.6))
+
+
+def test_measurements_are_kept_beside_each_other(tmp_path):
+    path = tmp_path / "growth.json"
+    growth.write(path, parts=PARTS)
+    growth.write(path, counts=MEASURED.counts)
+    read = growth.read(path)
+    assert (read.parts, read.counts) == (PARTS, MEASURED.counts)
+
+
+def test_the_section_stands_between_its_marks_and_the_rest_stays():
+    text = section([Entry.of(2, "share of the limit", [0.95], "x", 0.93, "higher")], MEASURED)
+    document = with_section(f"before {BEGIN} old {END} after", text)
+    assert document.startswith("before ")
+    assert document.endswith(f"{END} after")
+    assert "| 2 | share of the limit | 0.95 x |" in document
+    assert "old" not in document
+    with pytest.raises(SystemExit, match="marks"):
+        with_section("no marks", text)
+
+
+def test_the_real_document_has_the_marks():
+    assert with_section(DOCUMENT.read_text(), "text").count("text")
+
+
+def test_the_picture_is_drawn(tmp_path):
+    draw(MEASURED, tmp_path / "growth.png")
+    assert (tmp_path / "growth.png").stat().st_size > 10_000
