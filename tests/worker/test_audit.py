@@ -137,6 +137,7 @@ def test_packaged_good_set_holds_with_the_expert_s_arguments(environment):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 def test_whole_quick_audit_is_repeatable():
     effort = Effort("tiny", 16, 2, 1, 4, 64, 1, 1, Search(16, 2, 4))
     first, second = (audit_with(TASK, 0, effort, threads=threads) for threads in (1, 2))
