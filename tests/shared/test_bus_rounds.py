@@ -10,7 +10,7 @@ from bus_setup import Run, deliver, encoded, gather, some_metrics, some_trajecto
 
 from taskschema.bus import heartbeat, learner_bus
 from taskschema.bus.connection import connect
-from taskschema.bus.worker_bus import WorkerBus
+from taskschema.bus.worker_bus import MOST_SLOTS, WorkerBus
 from taskschema.errors import BusError, ConfigError, QuarantineLimitError, UnknownNameError
 from taskschema.trajectory import encode_slot
 
@@ -46,6 +46,12 @@ def test_two_workers_share_a_round(run: Run) -> None:
     learner, first, second = run.learner(), run.worker("first"), run.worker("second")
     learner.open_round(0, toy_snapshot(), range(8))
     assert [len(first.lease(1)), len(second.lease(1))] == [4, 4]
+
+
+def test_a_lone_worker_leases_a_large_round_in_parts(run: Run) -> None:
+    learner, worker = run.learner(), run.worker()
+    learner.open_round(0, toy_snapshot(), range(MOST_SLOTS + 5))
+    assert [len(deliver(worker)), len(deliver(worker))] == [MOST_SLOTS, 5]
 
 
 def test_idle_workers_share_a_round_that_opens(run: Run) -> None:

@@ -1,9 +1,9 @@
 """The shipped physics against a fine reference (1 ms, every body collides, tight solver)."""
 
 import pytest
-
 from bench.fidelity import RATE_DIFFERENCE, SAME_OUTCOME, compare_physics, together
 from bench.reference_physics import PERTURBATION, TIMESTEP, reference_model
+
 from taskschema.tasks.registry import get_task
 
 

@@ -24,6 +24,8 @@ from taskschema.trajectory import Trajectory, encode_slot
 
 LEASE_SECONDS = 15.0
 """A simulated worker that gave no sign of life for this long [s] loses its leases to another."""
+MOST_SLOTS = 25
+"""Slots leased at once at most: bounds the memory of the batch they are run as; larger ones are no faster."""
 SLOTS_PER_TRANSACTION = 16
 """Bounds the memory of one delivery."""
 
@@ -127,7 +129,7 @@ class WorkerBus:
         """Return slots to run, all with the same policy; waits up to `block_ms` [ms, at most 10 s].
 
         Expired leases of others come first. No more than the agent's share, ceil(open slots / live agents),
-        so that all finish at about the same time.
+        so that all finish at about the same time, and never more than `MOST_SLOTS`.
 
         Raises:
             ConfigError: if the run was replaced by one of another config.
@@ -166,7 +168,7 @@ class WorkerBus:
         alive: int = sum(seen > seconds - ALIVE_SECONDS for _, seen in heartbeats)
         # An idle agent waits for the next round, whose slots come all at once.
         expected_slots: int = open_slots or config.slots
-        return math.ceil(expected_slots / max(alive, 1))
+        return min(math.ceil(expected_slots / max(alive, 1)), MOST_SLOTS)
 
     def _expired(self, count: int) -> list[tuple[bytes, dict[bytes, bytes]]]:
         try:
