@@ -4,12 +4,12 @@ from collections.abc import Iterator
 
 import pytest
 from bus_setup import Run
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 from taskschema_learner.embedded_redis import EmbeddedRedis
 
 # How long an example takes depends on the machine's other work: never a reason to fail.
-settings.register_profile("taskschema", deadline=None)
+settings.register_profile("taskschema", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("taskschema")
 
 
