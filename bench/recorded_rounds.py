@@ -31,6 +31,7 @@ class RecordedRounds:
     """Files of the recorded rounds."""
 
     folder: Path
+    config: RunConfig
     sha256: list[str]
     """Hash of the policy after each round."""
 
@@ -67,7 +68,7 @@ def record(folder: Path, rounds: int, workers: int, config: RunConfig | None = N
         learner.update(trajectories)
         hashes.append(learner.snapshot().sha256)
     environment.close()
-    return RecordedRounds(folder, hashes)
+    return RecordedRounds(folder, config, hashes)
 
 
 def collect(
@@ -126,7 +127,7 @@ class Replay:
     """Recorded stretches of physics, ready to run again through nothing but `mujoco.rollout`."""
 
     def __init__(self, recorded: RecordedRounds, rounds: list[int], worker: int, workers: int) -> None:
-        config, task = RunConfig(task=TASK), get_task(TASK)
+        config, task = recorded.config, get_task(TASK)
         assert isinstance(task, SceneTask)
         simulation = Simulation(task, threads=1)
         slots = worker_slots(config, worker, workers)

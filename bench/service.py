@@ -17,7 +17,6 @@ from bench.entry import Entry
 from bench.processes import run_together
 from bench.recorded_rounds import RecordedRounds, Replay, collect, record, worker_slots
 from bench.service_process import TASK, ServiceProcess, seconds
-from taskschema.config import RunConfig
 from taskschema.policies import Policy
 from taskschema.tasks.registry import get_task
 from taskschema.tasks.scene_task import SceneTask
@@ -59,7 +58,7 @@ def measure(repeats: int, rounds: int = ROUNDS, recorded_rounds: int = RECORDED)
 
 
 def _repeat(recorded: RecordedRounds, rounds: int) -> dict[str, float]:
-    config = RunConfig(task=TASK)
+    config = recorded.config
     with ServiceProcess(WORKERS) as service:
         service.wait_for_workers()
         rows = service.wait_for_rounds(rounds)
@@ -95,7 +94,7 @@ def _bare_rollouts(
     recorded: RecordedRounds, rounds: list[int], worker: int
 ) -> Callable[[], dict[str, float]]:
     """Return rollouts of some rounds that say how long each part of them took [s]."""
-    config, task, spent = RunConfig(task=TASK), get_task(TASK), Counter[str]()
+    config, task, spent = recorded.config, get_task(TASK), Counter[str]()
     assert isinstance(task, SceneTask)
     # Planning turns arguments into set-points: waypoints, their timing, and samples for the simulator.
     _timed(SceneEnvironment, "plan", "planning", spent)
