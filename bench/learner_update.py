@@ -36,7 +36,7 @@ def measure(repeats: int) -> list[Entry]:
     print(f"  update: {1e3 * np.median(ours):.1f} ms, Stable-Baselines3: {1e3 * np.median(theirs):.1f} ms")
     ratios = [mine / other for mine, other in zip(ours, theirs, strict=True)]
     return [
-        Entry.of(4, "learner update / PPO.train() of Stable-Baselines3 2.9", ratios, "x", 0.5, "lower"),
+        Entry.of(6, "learner update / PPO.train() of Stable-Baselines3 2.9", ratios, "x", 0.5, "lower"),
     ]
 
 
