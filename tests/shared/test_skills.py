@@ -56,6 +56,12 @@ def test_search_spaces_are_the_paper_s():
         ("y", "m", -0.1, 0.1),
         ("z_orientation", "rad", 0.0, 2 * np.pi),
     ]
+    assert spaces["side_grasp"] == [
+        ("x", "m", -0.1, 0.1),
+        ("y", "m", -0.1, 0.1),
+        ("approach_angle", "rad", -np.pi / 2, np.pi / 2),
+    ]
+    assert spaces["twist"] == []
     assert spaces["lift"] == [("distance", "m", 0.0, 0.5)]
     assert spaces["no_op"] == []
     assert [item.name for skill in SKILLS.values() for item in skill.arguments if item.periodic] == [
@@ -73,7 +79,7 @@ def test_every_registered_skill_is_described(name):
 
 
 def test_unknown_skill_lists_the_valid_ones():
-    with pytest.raises(UnknownNameError, match="Did you mean 'lift'.*no_op, top_grasp"):
+    with pytest.raises(UnknownNameError, match="Did you mean 'lift'.*no_op, .*top_grasp"):
         get_skill("lft")
 
 
@@ -161,7 +167,75 @@ def test_both_arms_lift_at_the_same_speed():
     assert heights[0][-1] - heights[0][-2] == pytest.approx(SPEED * 0.05, rel=0.05)
 
 
-@pytest.mark.parametrize("name", ["top_grasp", "lift"])
+@pytest.mark.parametrize("arm", [0, 1])
+def test_side_grasp_ends_level_at_its_point_pointing_along_its_angle_and_closed(arm):
+    here, skill = context(arm, count=40), SKILLS["side_grasp"]
+    here.side_grasp_offset[:] = 0.08
+    arguments = random_arguments(skill, 40)
+    path = skill.plan(here, arguments)
+    position, rotation = here.arm.forward(path.joints[:, -1])
+    np.testing.assert_allclose(position[:, :2], here.object_position[:, :2] + arguments[:, :2], atol=1e-3)
+    np.testing.assert_allclose(position[:, 2], BAR_SIZE[2] / 2 + 0.08, atol=1e-3)
+    heading = arguments[:, 2] + (np.pi / 2 if arm == 0 else -np.pi / 2)
+    fingers = np.stack([np.cos(heading), np.sin(heading), np.zeros(40)], axis=1)
+    np.testing.assert_allclose(rotation[:, :, 2], fingers, atol=2e-3)
+    np.testing.assert_allclose(rotation[:, 2, 0], 0.0, atol=2e-3)  # closes level
+    assert (path.opening[:, -1] == GRIPPER.closed).all()
+
+
+def test_side_grasp_keeps_clear_of_the_table_and_comes_in_straight():
+    here, skill = context(count=20), SKILLS["side_grasp"]
+    arguments = random_arguments(skill, 20)
+    path = skill.plan(here, arguments)
+    times = np.arange(0.0, path.duration.max(), 0.01)
+    joints, _, opening = path.sample(times)
+    end, rotation = here.arm.forward(path.joints[:, -1])
+    np.testing.assert_allclose(end[:, 2], 0.06, atol=1e-3)
+    for episode in range(20):
+        position, _ = here.arm.forward(joints[episode])
+        offset = position - end[episode]
+        distance = np.linalg.norm(offset, axis=1)
+        last = offset[np.flatnonzero(distance > 0.1)[-1] + 1 :]
+        fingers = rotation[episode, :, 2]
+        aside = np.linalg.norm(last - np.outer(last @ fingers, fingers), axis=1)
+        assert aside.max() < 0.015
+    assert (opening[:, 0] == GRIPPER.open).all()
+
+
+def test_closed_hand_backs_off_along_its_fingers_before_a_side_grasp():
+    first = SKILLS["top_grasp"].plan(context(count=5), random_arguments(SKILLS["top_grasp"], 5))
+    here = context(count=5, joints=first.joints[:, -1], opening=GRIPPER.closed)
+    path = SKILLS["side_grasp"].plan(here, random_arguments(SKILLS["side_grasp"], 5, seed=4))
+    start, facing = here.arm.forward(here.joints)
+    joints, _, opening = path.sample(np.arange(0.0, 0.15, 0.01))
+    assert (np.abs(joints - here.joints[:, None]) < 1e-9).all()
+    assert (opening == GRIPPER.open).all()
+    joints, _, _ = path.sample(np.arange(0.15, path.duration.max(), 0.01))
+    risen = np.stack([here.arm.forward(row)[0][:, 2] for row in joints.transpose(1, 0, 2)]) - start[:, 2]
+    assert (risen.max(axis=0) > 0.099).all()
+
+
+def test_twist_turns_the_hand_in_place_counterclockwise_seen_from_the_hand():
+    down = SKILLS["top_grasp"].plan(context(count=10), random_arguments(SKILLS["top_grasp"], 10))
+    here = context(count=10, joints=down.joints[:, -1], opening=GRIPPER.closed)
+    path = SKILLS["twist"].plan(here, np.empty((10, 0)))
+    before, facing = here.arm.forward(here.joints)
+    after, turned = here.arm.forward(path.joints[:, -1])
+    np.testing.assert_allclose(after, before, atol=1e-4)
+    # The hand points down, so that this is counterclockwise about the world's z axis.
+    angle = np.arctan2(turned[:, 1, 0], turned[:, 0, 0]) - np.arctan2(facing[:, 1, 0], facing[:, 0, 0])
+    np.testing.assert_allclose(np.mod(angle, 2 * np.pi), np.deg2rad(150), atol=2e-3)
+    assert (path.opening == GRIPPER.closed).all()
+
+
+def test_twist_stops_at_the_wrist_s_limit():
+    here = context(count=1)
+    here.joints[:, 6] = here.arm.lower[6] + 0.5
+    path = SKILLS["twist"].plan(here, np.empty((1, 0)))
+    assert path.joints[0, -1, 6] == here.arm.lower[6]
+
+
+@pytest.mark.parametrize("name", ["top_grasp", "side_grasp", "lift"])
 def test_unreachable_target_is_a_normal_outcome(name):
     """An object out of reach, and a lift beyond the arm's height: the plan goes as near as it can."""
     here = context(count=4)

@@ -39,6 +39,9 @@ def scene_mjcf(task: SceneTask) -> ET.Element:
     compiler = {"angle": "radian", "autolimits": "true", "discardvisual": "true", "fusestatic": "true"}
     root.append(ET.Element("compiler", compiler))
     option = {"timestep": f"{TIMESTEP:g}", "integrator": "implicitfast", "cone": "pyramidal"}
+    own_model = ET.fromstring(task.object_mjcf.strip())
+    for element in own_model.findall("option"):
+        option |= element.attrib
     root.append(ET.Element("option", option))
     sections = {tag: ET.SubElement(root, tag) for tag in ("default", "asset", "worldbody", "actuator")}
     table = {"name": "table", "type": "plane", "size": "1 1 0.1"}
@@ -54,11 +57,10 @@ def scene_mjcf(task: SceneTask) -> ET.Element:
         for geom in base.iter("geom"):
             geom.attrib |= _contact(arm)
         _merge(sections, model)
-    model = ET.fromstring(task.object_mjcf.strip())
-    for geom in model.iter("geom"):
+    for geom in own_model.iter("geom"):
         contype, conaffinity = MASKS["object"]
         geom.attrib |= {"contype": str(contype), "conaffinity": str(conaffinity)}
-    _merge(sections, model)
+    _merge(sections, own_model)
     return root
 
 

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from taskschema.arrays import FloatArray
 from taskschema.kinematics.arm import ArmKinematics
 from taskschema.kinematics.sawyer import Gripper
@@ -29,3 +31,19 @@ class PlanningContext:
     """[N] from the object's centre along its z axis to where a grasp from above takes it [m]."""
     side_grasp_offset: FloatArray
     """[N] the same for a grasp from the side [m]."""
+
+    @property
+    def top_grasp_height(self) -> FloatArray:
+        """[N] world height at which a grasp from above takes the object [m]."""
+        return self._height(self.top_grasp_offset)
+
+    @property
+    def side_grasp_height(self) -> FloatArray:
+        """[N] world height at which a grasp from the side takes the object [m]."""
+        return self._height(self.side_grasp_offset)
+
+    def _height(self, offset: FloatArray) -> FloatArray:
+        """Return the world height [N] of points `offset` [N] along the object's z axis."""
+        x, y = self.object_quaternion[:, 1], self.object_quaternion[:, 2]
+        upright = 1 - 2 * (x * x + y * y)
+        return np.asarray(self.object_position[:, 2] + offset * upright)

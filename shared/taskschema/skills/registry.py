@@ -3,10 +3,12 @@
 from taskschema.errors import UnknownNameError
 from taskschema.skills.lift import Lift
 from taskschema.skills.no_op import NoOp
+from taskschema.skills.side_grasp import SideGrasp
 from taskschema.skills.skill import Skill
 from taskschema.skills.top_grasp import TopGrasp
+from taskschema.skills.twist import Twist
 
-SKILLS: dict[str, Skill] = {skill.name: skill for skill in (TopGrasp(), Lift(), NoOp())}
+SKILLS: dict[str, Skill] = {skill.name: skill for skill in (TopGrasp(), SideGrasp(), Lift(), Twist(), NoOp())}
 
 
 def get_skill(name: str) -> Skill:

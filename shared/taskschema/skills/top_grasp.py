@@ -71,8 +71,7 @@ class TopGrasp(Skill):
         above[:, :2] += arguments[:, :2]
         grasp = above.copy()
         above[:, 2] = top
-        grasp[:, 2] += context.top_grasp_offset * _uprightness(context.object_quaternion)
-        grasp[:, 2] = np.maximum(grasp[:, 2], TABLE_MARGIN + context.gripper.fingertip)
+        grasp[:, 2] = np.maximum(context.top_grasp_height, TABLE_MARGIN + context.gripper.fingertip)
         seed = raised.copy()
         turn = _nearest_turn(context, arguments[:, 2])
         seed[:, WRIST] -= turn
@@ -90,12 +89,6 @@ def _half_height(size: FloatArray, quaternion: FloatArray) -> FloatArray:
     shares = (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
     half = np.abs(shares[0]) * size[:, 0] + np.abs(shares[1]) * size[:, 1] + np.abs(shares[2]) * size[:, 2]
     return np.asarray(0.5 * half)
-
-
-def _uprightness(quaternion: FloatArray) -> FloatArray:
-    """Return the cosine [N] of the angle between the object's z axis and the world's."""
-    x, y = quaternion[:, 1], quaternion[:, 2]
-    return np.asarray(1 - 2 * (x * x + y * y))
 
 
 def _raised(context: PlanningContext, height: FloatArray) -> FloatArray:

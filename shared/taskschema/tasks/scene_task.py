@@ -72,7 +72,7 @@ class SceneTask(Task):
         """The object as an MJCF model of density 1000 kg/m^3.
 
         One body `object`, its frame at the centre of its bounding box, with a free joint `object`; other
-        links are its children, each with one joint.
+        links are its children, each with one joint. An `option` element's attributes replace the scene's.
         """
 
     @abstractmethod
