@@ -32,12 +32,12 @@ def wait_until(condition, seconds=60.0):
         threading.Event().wait(0.05)
 
 
-def child_processes():
-    """Return Ray's processes below this one."""
+def child_processes(others=frozenset()):
+    """Return Ray's processes below this one: not Redis, and not what other tests' fixtures still run."""
     return [
         child
         for child in psutil.Process().children(recursive=True)
-        if "redis" not in child.name() and child.status() != psutil.STATUS_ZOMBIE
+        if "redis" not in child.name() and child.status() != psutil.STATUS_ZOMBIE and child not in others
     ]
 
 
@@ -59,7 +59,13 @@ def records(redis):
 
 
 @pytest.fixture(scope="module")
-def pool(redis, records):
+def others(redis):
+    """What ran below this process before the pool did."""
+    return frozenset(child_processes())
+
+
+@pytest.fixture(scope="module")
+def pool(redis, records, others):
     with WorkerPool(redis.url, RUN, target=2) as pool:
         wait_until(lambda: len(records.workers(RUN)) == 2)
         yield pool
@@ -149,9 +155,9 @@ def test_actors_outnumber_cores_by_fractions_of_one(pool):
     assert sum(actor.share for actor in pool._actors if actor.retired_at is None) <= cores
 
 
-def test_closing_leaves_no_process_behind_and_is_quick(pool, records):
+def test_closing_leaves_no_process_behind_and_is_quick(pool, records, others):
     """Last in this module: it closes the pool that the tests before share."""
-    processes = child_processes()
+    processes = child_processes(others)
     assert processes
     folder = pool._ray._folder
     started = time.monotonic()
