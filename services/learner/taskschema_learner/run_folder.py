@@ -108,10 +108,9 @@ class RunFolder:
             raise RunFolderError(f"Another learner is training {self.path}: stop it first.") from None
 
     def write_schema(self, document: SchemaDocument) -> None:
-        """Replace `schema.json`."""
-        write_atomically(
-            self.path / "schema.json", msgspec.json.format(msgspec.json.encode(document), indent=1)
-        )
+        """Replace `schema.json`; the newest checkpoint holds the same."""
+        content = msgspec.json.format(msgspec.json.encode(document), indent=1)
+        write_atomically(self.path / "schema.json", content, durable=False)
 
     def read_schema(self) -> SchemaDocument:
         """Return the newest schema.
@@ -122,8 +121,8 @@ class RunFolder:
         return read_schema_file(self.path / "schema.json")
 
     def write_policy(self, data: bytes) -> None:
-        """Replace `policy.safetensors`, the newest policy snapshot."""
-        write_atomically(self.path / "policy.safetensors", data)
+        """Replace `policy.safetensors`, the newest policy snapshot; the newest checkpoint holds the same."""
+        write_atomically(self.path / "policy.safetensors", data, durable=False)
 
     def read_policy(self) -> bytes:
         """Return the newest policy snapshot.
@@ -186,8 +185,10 @@ def read_schema_file(path: Path) -> SchemaDocument:
         raise RunFolderError(f"{path} is not a schema: {error}.") from None
 
 
-def write_atomically(path: Path, data: bytes) -> None:
+def write_atomically(path: Path, data: bytes, *, durable: bool = True) -> None:
     """Write a file so that it is either the old or the new one, also after a crash.
+
+    If not `durable`, a power failure may leave neither: for what can be written again from a checkpoint.
 
     Raises:
         RunFolderError: if it cannot be written; the old file is then as it was.
@@ -197,18 +198,25 @@ def write_atomically(path: Path, data: bytes) -> None:
         with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
             temporary = Path(file.name)
             file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
+            if durable:
+                file.flush()
+                os.fsync(file.fileno())
         temporary.replace(path)
-        directory = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(directory)
-        finally:
-            os.close(directory)
+        if durable:
+            _synchronise(path.parent)
     except OSError as error:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
         raise RunFolderError(f"{path} cannot be written: {error.strerror}. Nothing was changed.") from None
+
+
+def _synchronise(folder: Path) -> None:
+    """Bring a folder's list of names to the disk."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def _format_row(metrics: RoundMetrics) -> dict[str, str]:

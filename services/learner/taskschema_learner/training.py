@@ -13,7 +13,8 @@ import numpy as np
 from taskschema.bus.learner_bus import LearnerBus
 from taskschema.bus.records import RunRecords
 from taskschema.metrics import RoundMetrics
-from taskschema.schema import SchemaView, entropy, softmax
+from taskschema.policies import PolicySnapshot
+from taskschema.schema import SchemaDocument, SchemaView, entropy, softmax
 from taskschema.tasks.task import Task
 from taskschema.trajectory import Trajectory
 from taskschema_learner.learner import Learner, UpdateStatistics
@@ -82,6 +83,8 @@ def train(parts: Parts, limits: Limits, context: TrainingContext, stop: threadin
     """
     progress = restore_run(parts.folder, parts.learner)
     parts.bus.restore_curve(parts.folder.read_metrics())
+    if parts.learner.version > 0:
+        write_files(parts)
     parts.observer.on_start(context, parts.learner.version, progress)
     while (reason := limits.reached(progress, parts.learner.version)) is None:
         wait_while_paused(parts, stop)
@@ -165,6 +168,13 @@ def measure(
 
 def publish(parts: Parts, metrics: RoundMetrics) -> None:
     """Show the new schema, policy and metrics to everybody: API, folder, TensorBoard."""
+    snapshot, document = write_files(parts)
+    parts.bus.publish_update(snapshot, document, metrics)
+    parts.summaries.write(metrics)
+
+
+def write_files(parts: Parts) -> tuple[PolicySnapshot, SchemaDocument]:
+    """Write the newest schema and policy into the run's folder, and return them."""
     document = schema_view(parts).document(
         run=parts.folder.name,
         task=parts.task.name,
@@ -175,8 +185,7 @@ def publish(parts: Parts, metrics: RoundMetrics) -> None:
     snapshot = parts.learner.snapshot()
     parts.folder.write_schema(document)
     parts.folder.write_policy(snapshot.to_bytes())
-    parts.bus.publish_update(snapshot, document, metrics)
-    parts.summaries.write(metrics)
+    return snapshot, document
 
 
 def schema_view(parts: Parts) -> SchemaView:
