@@ -46,6 +46,8 @@ class SceneEnvironment:
         self._sizes = np.array([instance.scale for instance in instances])[:, None] * self._task.object_size
         self._start = self._simulation.object_poses(np.arange(count))
         self._opening = np.full((count, 2), rethink_gripper().open)
+        self._pressing = np.zeros((count, 2), dtype=bool)
+        self._set_points = self._simulation.arm_joints(np.arange(count))
         self._time = np.zeros(count, dtype=np.int64)
         self.closest = np.full(count, np.inf)
         return self._observe(np.arange(count))
@@ -62,7 +64,8 @@ class SceneEnvironment:
     def plan(self, arm: int, episodes: IntArray, pairs: IntArray, arguments: FloatArray) -> MixedPath:
         """Plan one arm's motion for all episodes, skill by skill."""
         space = self._task.pairs
-        joints = self._simulation.arm_joints(episodes)[:, arm]
+        measured = self._simulation.arm_joints(episodes)[:, arm]
+        joints = np.where(self._pressing[episodes, arm, None], self._set_points[episodes, arm], measured)
         poses = self._simulation.object_poses(episodes)
         sizes = self._sizes[episodes]
         chosen = space.skill_index(pairs, arm)
@@ -81,8 +84,13 @@ class SceneEnvironment:
                 object_size=sizes[rows],
                 top_grasp_offset=self._task.top_grasp_height * sizes[rows, 2],
                 side_grasp_offset=self._task.side_grasp_height * sizes[rows, 2],
+                lift_speed=self._task.lift_speed,
             )
-            mixed.add(rows, skill.plan(context, arguments[rows, space.columns(arm, index)]))
+            path = skill.plan(context, arguments[rows, space.columns(arm, index)])
+            self._set_points[episodes[rows], arm] = path.joints[:, -1]
+            if skill.ends_pressing is not None:
+                self._pressing[episodes[rows], arm] = skill.ends_pressing
+            mixed.add(rows, path)
         return mixed
 
     def _execute(

@@ -11,8 +11,6 @@ from taskschema.motion.timing import PathLimits, fastest_path
 from taskschema.skills.argument import Argument
 from taskschema.skills.skill import Skill
 
-SPEED = 0.45
-"""[m/s] both arms rise at the same speed, whatever their distances: what they hold stays level."""
 ACCELERATION = 1.5
 """[m/s^2]"""
 WAYPOINTS = 6
@@ -32,9 +30,10 @@ class Lift(Skill):
     end_state: ClassVar[str] = (
         "End effector `distance` higher, orientation and gripper set-point unchanged, at rest."
     )
+    ends_pressing: ClassVar[bool | None] = None
 
     def plan(self, context: PlanningContext, arguments: FloatArray) -> ArmPath:
-        """Plan straight up from the measured pose; see `Skill.plan`."""
+        """Plan straight up from the joints in `context`; see `Skill.plan`."""
         distance = arguments[:, 0]
         position, rotation = context.arm.forward(context.joints)
         joints = context.joints
@@ -50,6 +49,6 @@ class Lift(Skill):
             np.stack(waypoints, axis=1),
             context.opening,
             lengths=lengths,
-            limits=PathLimits(speed=SPEED, acceleration=ACCELERATION),
+            limits=PathLimits(speed=context.lift_speed, acceleration=ACCELERATION),
             grid=6,
         )
