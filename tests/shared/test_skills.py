@@ -6,13 +6,13 @@ import pytest
 from taskschema.errors import UnknownNameError
 from taskschema.kinematics.sawyer import rethink_gripper, sawyer_pair
 from taskschema.motion import PlanningContext
-from taskschema.skills.lift import SPEED
 from taskschema.skills.registry import SKILLS, get_skill
 from taskschema.skills.skill import Skill
 from taskschema.tasks.lateral_lifting import BAR_SIZE, LateralLifting
 
 TASK = LateralLifting()
 GRIPPER = rethink_gripper()
+LIFT_SPEED = 0.4
 
 
 def context(arm=0, count=1, joints=None, opening=None, seed=0):
@@ -28,6 +28,7 @@ def context(arm=0, count=1, joints=None, opening=None, seed=0):
         object_size=np.tile(BAR_SIZE, (count, 1)),
         top_grasp_offset=np.zeros(count),
         side_grasp_offset=np.zeros(count),
+        lift_speed=LIFT_SPEED,
     )
 
 
@@ -61,11 +62,18 @@ def test_search_spaces_are_the_paper_s():
         ("y", "m", -0.1, 0.1),
         ("approach_angle", "rad", -np.pi / 2, np.pi / 2),
     ]
+    assert spaces["go_to_pose"] == [
+        *((axis, "m", -0.1, 0.1) for axis in "xyz"),
+        *((angle, "rad", 0.0, 2 * np.pi) for angle in ("roll", "pitch", "yaw")),
+    ]
     assert spaces["twist"] == []
     assert spaces["lift"] == [("distance", "m", 0.0, 0.5)]
     assert spaces["no_op"] == []
     assert [item.name for skill in SKILLS.values() for item in skill.arguments if item.periodic] == [
-        "z_orientation"
+        "z_orientation",
+        "roll",
+        "pitch",
+        "yaw",
     ]
 
 
@@ -164,7 +172,7 @@ def test_both_arms_lift_at_the_same_speed():
         position = here.arm.forward(joints[0])[0]
         heights.append(position[:, 2] - position[0, 2])
     np.testing.assert_allclose(heights[0], heights[1], atol=2e-3)
-    assert heights[0][-1] - heights[0][-2] == pytest.approx(SPEED * 0.05, rel=0.05)
+    assert heights[0][-1] - heights[0][-2] == pytest.approx(LIFT_SPEED * 0.05, rel=0.05)
 
 
 @pytest.mark.parametrize("arm", [0, 1])
@@ -235,7 +243,7 @@ def test_twist_stops_at_the_wrist_s_limit():
     assert path.joints[0, -1, 6] == here.arm.lower[6]
 
 
-@pytest.mark.parametrize("name", ["top_grasp", "side_grasp", "lift"])
+@pytest.mark.parametrize("name", ["top_grasp", "side_grasp", "go_to_pose", "lift"])
 def test_unreachable_target_is_a_normal_outcome(name):
     """An object out of reach, and a lift beyond the arm's height: the plan goes as near as it can."""
     here = context(count=4)
