@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taskschema.arrays import FloatArray
+from taskschema.arrays import BoolArray, FloatArray
 from taskschema.kinematics.arm import ArmKinematics
 from taskschema.motion.path import ArmPath
 
@@ -37,6 +37,7 @@ def fastest_path(
     lengths: FloatArray | None = None,
     limits: PathLimits = PathLimits(),  # noqa: B008 - frozen
     grid: int = 12,
+    monotone: bool | BoolArray = False,
 ) -> ArmPath:
     """Return the fastest path through waypoints, at rest at both ends.
 
@@ -47,6 +48,8 @@ def fastest_path(
         lengths: [N, K - 1] length of each segment, such as metres travelled; joint-space distance if None.
         limits: of speed and acceleration along that length.
         grid: intervals per segment.
+        monotone: whether every joint stays between its waypoints, for those that may lie at its limits; one
+            for all or [N]. A path is a little smoother without.
     """
     steps = np.diff(waypoints, axis=1)
     if lengths is None:
@@ -56,7 +59,9 @@ def fastest_path(
             total = total + squares[..., joint]
         lengths = np.sqrt(total)
     lengths = np.maximum(lengths, SHORTEST_SEGMENT)
-    angles, slopes, bends = _spline(waypoints, lengths, grid)
+    between = np.reshape(monotone, (-1, 1, 1))
+    tangents = np.where(between, _monotone_tangents(waypoints, lengths), _tangents(waypoints, lengths))
+    angles, slopes, bends = _spline(waypoints, tangents, lengths, grid)
     spacing = np.repeat(lengths / grid, grid, axis=1)
     squared = _squared_speeds(arm, slopes, bends, spacing, limits)
     speed = np.sqrt(squared)
@@ -96,25 +101,46 @@ def _stretch(arm: ArmKinematics, times: FloatArray, joints: FloatArray, velociti
     return np.asarray(np.maximum(np.maximum(np.sqrt(accelerations.max(axis=(1, 2))), fastest), 1.0))
 
 
-def _spline(
-    waypoints: FloatArray, lengths: FloatArray, grid: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return angles and two derivatives by length at both ends of the grid's intervals [N, I, 2, 7]."""
-    count, knots, joints = waypoints.shape
+def _tangents(waypoints: FloatArray, lengths: FloatArray) -> FloatArray:
+    """Return the spline's derivatives by length at its waypoints [N, K, 7]: of parabolas through three."""
     h = lengths[:, :, None]
     secants = np.diff(waypoints, axis=1) / h
     tangents = np.empty_like(waypoints)
-    if knots == 2:
+    if waypoints.shape[1] == 2:
         tangents[:] = secants
-    else:
-        before, after = h[:, :-1], h[:, 1:]
-        tangents[:, 1:-1] = (after * secants[:, :-1] + before * secants[:, 1:]) / (before + after)
-        tangents[:, 0] = 1.5 * secants[:, 0] - 0.5 * tangents[:, 1]
-        tangents[:, -1] = 1.5 * secants[:, -1] - 0.5 * tangents[:, -2]
+        return tangents
+    before, after = h[:, :-1], h[:, 1:]
+    tangents[:, 1:-1] = (after * secants[:, :-1] + before * secants[:, 1:]) / (before + after)
+    tangents[:, 0] = 1.5 * secants[:, 0] - 0.5 * tangents[:, 1]
+    tangents[:, -1] = 1.5 * secants[:, -1] - 0.5 * tangents[:, -2]
+    return tangents
+
+
+def _monotone_tangents(waypoints: FloatArray, lengths: FloatArray) -> FloatArray:
+    """Return derivatives [N, K, 7] with which no joint leaves the range between two waypoints.
+
+    Fritsch and Butland (1984): the harmonic mean of both sides' slopes, 0 where these differ in sign.
+    """
+    secants = np.diff(waypoints, axis=1) / lengths[:, :, None]
+    tangents = np.empty_like(waypoints)
+    left, right = secants[:, :-1], secants[:, 1:]
+    product = left * right
+    same = product > 0.0
+    tangents[:, 1:-1] = np.where(same, 2.0 * product / np.where(same, left + right, 1.0), 0.0)
+    tangents[:, 0] = 1.5 * secants[:, 0] - 0.5 * tangents[:, 1]
+    tangents[:, -1] = 1.5 * secants[:, -1] - 0.5 * tangents[:, -2]
+    return tangents
+
+
+def _spline(
+    waypoints: FloatArray, tangents: FloatArray, lengths: FloatArray, grid: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return angles and two derivatives by length at both ends of the grid's intervals [N, I, 2, 7]."""
+    count, knots, joints = waypoints.shape
     u = np.stack([np.arange(grid) / grid, (np.arange(grid) + 1) / grid], axis=1)[None, None, :, :, None]
     p0, p1 = waypoints[:, :-1, None, None, :], waypoints[:, 1:, None, None, :]
     m0, m1 = tangents[:, :-1, None, None, :], tangents[:, 1:, None, None, :]
-    length = h[:, :, None, None, :]
+    length = lengths[:, :, None, None, None]
     difference = p1 - p0
     square, cube = u * u, u * u * u
     angles = (

@@ -75,6 +75,7 @@ class GoToPose(Skill):
                 lengths=line,
                 limits=PathLimits(speed=SPEED, acceleration=ACCELERATION),
                 grid=6,
+                monotone=True,
             )
         )
 

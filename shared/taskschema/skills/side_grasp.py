@@ -73,22 +73,12 @@ class SideGrasp(Skill):
         rotation = vertical_turn(heading) @ POINTING_FORWARD
         joints = np.where(arguments[:, 2:] < 0.0, np.array(ELBOW_LEFT), np.array(ELBOW_RIGHT))
         waypoints = [back]
-        reached = np.ones(len(arguments), dtype=bool)
         for distance in (STANDOFF, 0.5 * STANDOFF, 0.0):
-            result = solve_inverse(context.arm, point - distance * rotation[:, :, 2], rotation, joints)
-            joints, reached = result.joints, reached & result.reached
+            joints = solve_inverse(context.arm, point - distance * rotation[:, :, 2], rotation, joints).joints
             waypoints.append(joints)
-        points = np.stack(waypoints, axis=1)
-        points[~reached] = _straight(points[~reached])
-        path = path.then(fastest_path(context.arm, points, wide))
+        path = path.then(fastest_path(context.arm, np.stack(waypoints, axis=1), wide, monotone=True))
         shut = np.full(len(arguments), context.gripper.closed)
         return path.then_grip(shut, np.full(len(arguments), CLOSE_SECONDS))
-
-
-def _straight(waypoints: FloatArray) -> FloatArray:
-    """Return waypoints [N, K, 7] between the same ends, evenly spaced: a spline within the joint limits."""
-    shares = np.linspace(0.0, 1.0, waypoints.shape[1])[:, None]
-    return np.asarray(waypoints[:, :1] + shares * (waypoints[:, -1:] - waypoints[:, :1]))
 
 
 def _backed_off(context: PlanningContext, closed: BoolArray) -> FloatArray:

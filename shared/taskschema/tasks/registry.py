@@ -12,6 +12,7 @@ _TASKS: dict[str, tuple[str, str]] = {
     "lateral-lifting": ("taskschema.tasks.lateral_lifting", "LateralLifting"),
     "picking": ("taskschema.tasks.picking", "Picking"),
     "opening": ("taskschema.tasks.opening", "Opening"),
+    "rotating": ("taskschema.tasks.rotating", "Rotating"),
     "toy": ("taskschema.tasks.toy", "Toy"),
 }
 """Module and class of each task; imported only when asked for."""
