@@ -148,11 +148,9 @@ def _shares_of_limits(environment: SceneEnvironment, task: SceneTask, episodes: 
         _reset(environment, episodes)
         pairs = np.full(episodes, task.pairs.index(skill.name, skill.name))
         arguments = task.pairs.to_si(rng.uniform(-1.0, 1.0, (episodes, task.pairs.argument_count)))
-        for arm in range(len(ARMS)):
-            path = environment.plan(arm, np.arange(episodes), pairs, arguments)
-            speed, acceleration = shares_of_limits(path)
-            speeds.append(speed)
-            accelerations.append(acceleration)
+        speed, acceleration = shares_of_limits(environment.plan(np.arange(episodes), pairs, arguments))
+        speeds.append(speed)
+        accelerations.append(acceleration)
     return [
         Entry(
             3,

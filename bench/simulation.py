@@ -52,12 +52,11 @@ def recorded_motion(task: LateralLifting, environment: SceneEnvironment) -> tupl
     joints, openings = [], []
     for step, pair in enumerate(task.paper_pairs):
         arguments = task.expert_arguments(observations, step)
-        paths = [environment.plan(arm, row, np.array([pair]), arguments) for arm in range(2)]
-        seconds = max(path.duration[0] for path in paths)
-        times = np.arange(1, round(seconds * CONTROL_RATE) + 1) / CONTROL_RATE
-        sampled = [path.sample(times) for path in paths]
-        joints.append(np.stack([points[0] for points, _, _ in sampled], axis=1))
-        openings.append(np.stack([opening[0] for _, _, opening in sampled], axis=1))
+        paths = environment.plan(row, np.array([pair]), arguments)
+        times = np.arange(1, round(paths.duration.max() * CONTROL_RATE) + 1) / CONTROL_RATE
+        both_joints, _, both_openings = paths.sample(times)
+        joints.append(np.swapaxes(both_joints, 0, 1))
+        openings.append(both_openings.T)
         observations = environment.step(row, np.array([pair]), arguments).observations
     return np.concatenate(joints), np.concatenate(openings)
 

@@ -3,7 +3,7 @@ import pytest
 
 from taskschema.kinematics.inverse import ORIENTATION_TOLERANCE, POSITION_TOLERANCE, solve_inverse
 from taskschema.kinematics.rotation import rotation_error, vertical_turn
-from taskschema.kinematics.sawyer import NEUTRAL, sawyer, sawyer_pair
+from taskschema.kinematics.sawyer import NEUTRAL, sawyer, sawyer_pair, sawyers
 from taskschema.skills.top_grasp import POINTING_DOWN
 
 HOME = np.array([-0.47, -1.1, 0.0, 2.5, 0.0, 0.2, 1.3])
@@ -31,7 +31,7 @@ def test_arms_face_each_other():
 
 def test_jacobian_is_the_derivative_of_the_pose():
     joints, step = HOME[None], 1e-6
-    arm = sawyer_pair()[0]
+    arm = sawyer()
     position, rotation, jacobian = arm.forward_and_jacobian(joints)
     for joint in range(7):
         moved, turned = arm.forward(joints + step * np.eye(7)[joint])
@@ -88,3 +88,19 @@ def test_rows_have_the_same_bits_in_any_batch(size):
         part = solve_inverse(arm, position[rows], rotation[rows], seeds[rows])
         np.testing.assert_array_equal(part.joints, everything.joints[rows])
         np.testing.assert_array_equal(part.reached, everything.reached[rows])
+
+
+def test_arms_in_one_batch_have_the_same_bits_as_each_alone():
+    sides = np.array([0, 1, 1, 0, 1])
+    position, rotation = reachable(5, seed=4)
+    seeds = np.tile(HOME, (5, 1))
+    together = solve_inverse(sawyers(sides), position, rotation, seeds)
+    places, turns = sawyers(sides).forward(seeds)
+    for side, arm in enumerate(sawyer_pair()):
+        rows = np.flatnonzero(sides == side)
+        alone = solve_inverse(arm, position[rows], rotation[rows], seeds[rows])
+        np.testing.assert_array_equal(together.joints[rows], alone.joints)
+        bases = sawyers(sides).rows(rows).base_position
+        np.testing.assert_array_equal(bases, [arm.base_position] * len(rows))
+        for batch, single in zip((places, turns), arm.forward(seeds[rows]), strict=True):
+            np.testing.assert_array_equal(batch[rows], single)

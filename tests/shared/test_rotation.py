@@ -3,6 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taskschema.kinematics.rotation import (
+    half_angle_cosine,
     matrix_to_quaternion,
     quaternion_conjugate,
     quaternion_product,
@@ -52,3 +53,17 @@ def test_conjugate_undoes_a_product(first, second):
 def test_rotation_error_is_the_angle_about_the_axis(angle):
     current, target = vertical_turn(np.array([0.4])), vertical_turn(np.array([0.4 + angle]))
     np.testing.assert_allclose(rotation_error(target, current), [[0, 0, angle]], atol=1e-9)
+
+
+def test_half_angle_between_orientations_by_hand():
+    """Between no turn and a quarter turn about z: cos 45 degrees, whichever sign the quaternions have."""
+    none, quarter = np.array([[1.0, 0, 0, 0]]), np.array([[HALF, 0, 0, HALF]])
+    np.testing.assert_allclose(half_angle_cosine(none, quarter), HALF, atol=1e-15)
+    np.testing.assert_allclose(half_angle_cosine(-none, quarter), HALF, atol=1e-15)
+    np.testing.assert_allclose(half_angle_cosine(quarter, quarter), 1.0, atol=1e-15)
+
+
+@given(quaternions, quaternions)
+def test_half_angle_is_the_relative_rotation_s(one, other):
+    relative = quaternion_product(one, quaternion_conjugate(other))
+    np.testing.assert_allclose(half_angle_cosine(one, other), np.abs(relative[:, 0]), atol=1e-12)

@@ -126,7 +126,7 @@ def test_arms_follow_their_set_points_within_the_joints_speed(environment):
     environment.reset([np.random.default_rng(seed) for seed in range(8)])
     episodes = np.arange(8)
     arguments = np.repeat(grasp_arguments((-0.09, -0.09), (0.09, 0.09)), 8, axis=0)
-    planned = [environment.plan(arm, episodes, np.full(8, BOTH_GRASP), arguments) for arm in range(2)]
+    planned = environment.plan(episodes, np.full(8, BOTH_GRASP), arguments)
     fastest = np.zeros(7)
     advance = environment._simulation.advance
 
@@ -140,7 +140,7 @@ def test_arms_follow_their_set_points_within_the_joints_speed(environment):
     environment._simulation.advance = watched
     environment.step(episodes, np.full(8, BOTH_GRASP), arguments)
     assert (fastest <= sawyer().velocity).all()
-    final = np.stack([path.sample(np.array([10.0]))[0][:, 0] for path in planned], axis=1)
+    final = np.swapaxes(planned.final_joints.reshape(2, 8, 7), 0, 1)
     np.testing.assert_allclose(environment._simulation.arm_joints(episodes), final, atol=0.01)
 
 

@@ -1,4 +1,4 @@
-"""One arm's paths in a batch of episodes that run different skills."""
+"""The paths of a batch of arms that run different skills."""
 
 import numpy as np
 
@@ -7,23 +7,26 @@ from taskschema.motion import ArmPath
 
 
 class MixedPath:
-    """One arm's paths for M episodes that run different skills."""
+    """Paths of M arms that run different skills."""
 
     def __init__(self, count: int) -> None:
         self.duration: FloatArray = np.zeros(count)
         """[M] seconds until each path ends."""
         self.final_opening: FloatArray = np.zeros(count)
         """[M] gripper set-point at the end [m]."""
+        self.final_joints: FloatArray = np.zeros((count, 7))
+        """[M, 7] joint set-points at the end [rad]."""
         self._parts: list[tuple[IntArray, ArmPath]] = []
 
     def add(self, rows: IntArray, path: ArmPath) -> None:
-        """Give the episodes `rows` the paths in `path`, one each."""
+        """Give the arms `rows` the paths in `path`, one each."""
         self.duration[rows] = path.duration
         self.final_opening[rows] = path.opening[:, -1]
+        self.final_joints[rows] = path.joints[:, -1]
         self._parts.append((rows, path))
 
     def sample(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return joints, velocities and openings of all episodes at `times`; see `ArmPath.sample`."""
+        """Return joints, velocities and openings of all arms at `times`; see `ArmPath.sample`."""
         shape = (len(self.duration), len(times))
         joints, velocities, opening = np.empty((*shape, 7)), np.empty((*shape, 7)), np.empty(shape)
         for rows, path in self._parts:

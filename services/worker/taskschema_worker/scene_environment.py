@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from taskschema.arrays import BoolArray, FloatArray, IntArray
-from taskschema.kinematics.sawyer import rethink_gripper, sawyer_pair
+from taskschema.kinematics.sawyer import rethink_gripper, sawyers
 from taskschema.motion import PlanningContext
 from taskschema.tasks.scene_observation import observe
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
@@ -46,59 +46,83 @@ class SceneEnvironment:
         self._sizes = np.array([instance.scale for instance in instances])[:, None] * self._task.object_size
         self._start = self._simulation.object_poses(np.arange(count))
         self._opening = np.full((count, 2), rethink_gripper().open)
+        self._pressing = np.zeros((count, 2), dtype=bool)
+        self._set_points = self._simulation.arm_joints(np.arange(count))
         self._time = np.zeros(count, dtype=np.int64)
         self.closest = np.full(count, np.inf)
         return self._observe(np.arange(count))
 
     def step(self, episodes: IntArray, pairs: IntArray, arguments: FloatArray) -> StepResult:
         """Run one step of the episodes [M]; see `BatchEnvironment`."""
-        paths = [self.plan(arm, episodes, pairs, arguments) for arm in (0, 1)]
+        paths = self.plan(episodes, pairs, arguments)
         success, diverged, steps = self._execute(episodes, paths)
-        for arm, path in enumerate(paths):
-            self._opening[episodes, arm] = path.final_opening
+        self._opening[episodes] = paths.final_opening.reshape(2, -1).T
+        self._set_points[episodes] = np.swapaxes(paths.final_joints.reshape(2, len(episodes), -1), 0, 1)
+        self._note_pressing(episodes, pairs)
         self._time[episodes] += 1
         return StepResult(self._observe(episodes), success, diverged, steps)
 
-    def plan(self, arm: int, episodes: IntArray, pairs: IntArray, arguments: FloatArray) -> MixedPath:
-        """Plan one arm's motion for all episodes, skill by skill."""
-        space = self._task.pairs
-        joints = self._simulation.arm_joints(episodes)[:, arm]
-        poses = self._simulation.object_poses(episodes)
-        sizes = self._sizes[episodes]
-        chosen = space.skill_index(pairs, arm)
-        mixed = MixedPath(len(episodes))
+    def plan(self, episodes: IntArray, pairs: IntArray, arguments: FloatArray) -> MixedPath:
+        """Plan the motions of M episodes: paths for the M left arms, then for the M right ones.
+
+        What runs the same skill is planned together, whichever arm it is.
+        """
+        space, count = self._task.pairs, len(episodes)
+        sides, rows_episodes = np.repeat((0, 1), count), np.tile(episodes, 2)
+        arm_of = (rows_episodes, sides)
+        measured = np.concatenate(list(np.swapaxes(self._simulation.arm_joints(episodes), 0, 1)))
+        joints = np.where(self._pressing[arm_of][:, None], self._set_points[arm_of], measured)
+        poses = np.tile(self._simulation.object_poses(episodes), (2, 1))
+        sizes = self._sizes[rows_episodes]
+        chosen = np.concatenate([space.skill_index(pairs, arm) for arm in (0, 1)])
+        mixed = MixedPath(2 * count)
         for index, skill in enumerate(space.skills):
             rows = np.flatnonzero(chosen == index)
             if not len(rows):
                 continue
+            own = (rows_episodes[rows], sides[rows])
             context = PlanningContext(
-                arm=sawyer_pair()[arm],
+                arm=sawyers(sides[rows]),
                 gripper=rethink_gripper(),
                 joints=joints[rows],
-                opening=self._opening[episodes[rows], arm],
+                opening=self._opening[own],
                 object_position=poses[rows, :3],
                 object_quaternion=poses[rows, 3:7],
                 object_size=sizes[rows],
                 top_grasp_offset=self._task.top_grasp_height * sizes[rows, 2],
                 side_grasp_offset=self._task.side_grasp_height * sizes[rows, 2],
+                lift_speed=self._task.lift_speed,
             )
-            mixed.add(rows, skill.plan(context, arguments[rows, space.columns(arm, index)]))
+            left = np.searchsorted(rows, count)
+            own_arguments = [
+                arguments[rows[:left], space.columns(0, index)],
+                arguments[rows[left:] - count, space.columns(1, index)],
+            ]
+            mixed.add(rows, skill.plan(context, np.concatenate(own_arguments)))
         return mixed
 
-    def _execute(
-        self, episodes: IntArray, paths: Sequence[MixedPath]
-    ) -> tuple[BoolArray, BoolArray, IntArray]:
+    def _note_pressing(self, episodes: IntArray, pairs: IntArray) -> None:
+        """Note which arms may end the step pressing on something."""
+        space = self._task.pairs
+        for arm in (0, 1):
+            chosen = space.skill_index(pairs, arm)
+            for index, skill in enumerate(space.skills):
+                if skill.ends_pressing is not None:
+                    self._pressing[episodes[chosen == index], arm] = skill.ends_pressing
+
+    def _execute(self, episodes: IntArray, paths: MixedPath) -> tuple[BoolArray, BoolArray, IntArray]:
         """Run both arms' paths, in chunks; return success, divergence and physics steps [M]."""
         size, timestep = self._chunk, self._simulation.timestep
-        duration = np.maximum(paths[0].duration, paths[1].duration)
+        duration = paths.duration.reshape(2, -1).max(axis=0)
         chunks = np.ceil(duration / (size * timestep) - 1e-9).astype(np.int64)
         success = np.zeros(len(episodes), dtype=bool)
         diverged = np.zeros(len(episodes), dtype=bool)
         steps = np.zeros(len(episodes), dtype=np.int64)
         times: FloatArray = (np.arange(chunks.max(initial=0) * size, dtype=np.float64) + 1) * timestep
         controls = np.empty((len(episodes), len(times), self._simulation.control_count))
-        for arm, path in enumerate(paths):
-            self._simulation.controls(arm, *path.sample(times), out=controls)
+        joints, velocities, opening = paths.sample(times)
+        for arm, half in enumerate((slice(None, len(episodes)), slice(len(episodes), None))):
+            self._simulation.controls(arm, joints[half], velocities[half], opening[half], out=controls)
         for chunk in range(chunks.max(initial=0)):
             rows = np.flatnonzero((chunks > chunk) & ~success & ~diverged)
             if not len(rows):

@@ -44,11 +44,12 @@ def solve_inverse(
     A pose out of reach is approached as near as it can be: position before orientation.
 
     Args:
-        arm: the arm of J joints.
+        arm: the arm of J joints, or those of the rows.
         position: [N, 3] in metres.
         rotation: [N, 3, 3].
         seed: [N, J] joint angles to start from.
     """
+    position, rotation = arm.in_base(position, rotation)
     joints, reached = _iterate(arm, position, rotation, seed, ORIENTATION_WEIGHT)
     far = np.flatnonzero(~reached)
     if len(far):

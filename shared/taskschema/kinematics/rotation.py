@@ -28,6 +28,12 @@ def quaternion_conjugate(quaternion: AnyArray) -> FloatArray:
     return np.asarray(quaternion * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
+def half_angle_cosine(quaternion: AnyArray, reference: AnyArray) -> FloatArray:
+    """Return the cosine [...] of half the angle between orientations [..., 4], at least 0."""
+    product = quaternion * reference
+    return np.asarray(np.abs(product[..., 0] + product[..., 1] + product[..., 2] + product[..., 3]))
+
+
 def rotate(quaternion: AnyArray, vector: AnyArray) -> FloatArray:
     """Rotate vectors [..., 3] by unit quaternions [..., 4]."""
     w, x, y, z = np.moveaxis(quaternion, -1, 0)

@@ -7,7 +7,7 @@ from importlib import resources
 
 import numpy as np
 
-from taskschema.arrays import FloatArray
+from taskschema.arrays import FloatArray, IntArray
 from taskschema.kinematics.arm import ArmKinematics
 from taskschema.kinematics.rotation import vertical_turn
 
@@ -64,6 +64,14 @@ def sawyer_pair() -> tuple[ArmKinematics, ArmKinematics]:
         for side, rotation in zip((-1.0, 1.0), quarter_turns, strict=True)
     )
     return left, right
+
+
+def sawyers(sides: IntArray) -> ArmKinematics:
+    """Return the arms of a batch: [N] 0 for the left one, 1 for the right one."""
+    left, right = sawyer_pair()
+    bases = np.stack([left.base_position, right.base_position])
+    rotations = np.stack([left.base_rotation, right.base_rotation])
+    return sawyer().at(bases[sides], rotations[sides])
 
 
 @cache

@@ -18,7 +18,7 @@ class PlanningContext:
     gripper: Gripper
     """Its gripper's geometry."""
     joints: FloatArray
-    """[N, 7] measured joint angles [rad]."""
+    """[N, 7] joint angles to start from [rad]: measured, or the set-point where the arm may be pressing."""
     opening: FloatArray
     """[N] gripper set-point: opening between the pads [m]."""
     object_position: FloatArray
@@ -31,6 +31,8 @@ class PlanningContext:
     """[N] from the object's centre along its z axis to where a grasp from above takes it [m]."""
     side_grasp_offset: FloatArray
     """[N] the same for a grasp from the side [m]."""
+    lift_speed: float
+    """[m/s] at which both arms rise, whatever their distances: what they hold stays level."""
 
     @property
     def top_grasp_height(self) -> FloatArray:

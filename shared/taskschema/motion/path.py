@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taskschema.arrays import FloatArray
+from taskschema.arrays import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,22 +59,26 @@ class ArmPath:
     def sample(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return joints and their velocities [N, S, 7] and gripper set-points [N, S] at `times` [S]."""
         index = np.stack([np.searchsorted(row, times, side="right") for row in self.times]) - 1
-        rows = np.arange(len(self.times))[:, None]
-        last = self.times.shape[1] - 1
-        after = np.minimum(index + 1, last)
-        span = self.times[rows, after] - self.times[rows, index]
-        inside = span > 0.0
-        span = np.where(inside, span, 1.0)
-        u = np.where(inside, (times - self.times[rows, index]) / span, 0.0)[:, :, None]
-        p0, p1 = self.joints[rows, index], self.joints[rows, after]
-        m0, m1 = (self.velocities[rows, at] * span[:, :, None] for at in (index, after))
-        square, cube = u * u, u * u * u
-        joints = (
-            (2 * cube - 3 * square + 1) * p0
-            + (cube - 2 * square + u) * m0
-            + (3 * square - 2 * cube) * p1
-            + (cube - square) * m1
-        )
-        slope = 6 * (square - u) * (p0 - p1) + (3 * square - 4 * u + 1) * m0 + (3 * square - 2 * u) * m1
-        velocities = np.where(inside[:, :, None], slope / span[:, :, None], 0.0)
-        return joints, velocities, self.opening[rows, index]
+        knots, count = self.times.shape[1], self.joints.shape[2]
+        interval = index + np.arange(len(self.times))[:, None] * knots
+        span = np.diff(self.times, axis=1, append=np.inf)
+        # An interval of no duration is passed at once, and after the last knot the path holds.
+        moving = (span > 0.0) & (span < np.inf)
+        span = np.where(moving, span, 1.0)
+        u = np.where(moving.take(interval), (times - self.times.take(interval)) / span.take(interval), 0.0)
+        coefficients = self._coefficients(span, moving).reshape(-1, 4 * count).take(interval, axis=0)
+        c0, c1, c2, c3 = (coefficients[..., part * count : (part + 1) * count] for part in range(4))
+        u = u[:, :, None]
+        joints = ((c3 * u + c2) * u + c1) * u + c0
+        velocities = ((3.0 * c3 * u + 2.0 * c2) * u + c1) / span.take(interval)[:, :, None]
+        return joints, velocities, self.opening.take(interval)
+
+    def _coefficients(self, span: FloatArray, moving: BoolArray) -> FloatArray:
+        """Return cubics [N, P, 4, 7] from each knot on, in the share of its `span` [N, P] that has passed."""
+        p0, m0 = self.joints, self.velocities * span[:, :, None]
+        change, m1 = np.zeros_like(p0), np.zeros_like(p0)
+        change[:, :-1] = np.diff(p0, axis=1)
+        m1[:, :-1] = self.velocities[:, 1:] * span[:, :-1, None]
+        cubics = np.stack([p0, m0, 3.0 * change - 2.0 * m0 - m1, m0 + m1 - 2.0 * change], axis=2)
+        cubics[:, :, 1:] *= moving[:, :, None, None]
+        return cubics

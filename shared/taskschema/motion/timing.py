@@ -1,8 +1,8 @@
 """The fastest run along a path of the joints that keeps velocity and acceleration limits.
 
-The path is a cubic spline through waypoints. Its time law is found on a grid by one pass forwards and one
-backwards over the squared path speed, as in time-optimal path parameterisation (Bobrow et al. 1985), with
-the acceleration that curvature needs taken off the limit.
+The path is a cubic spline through waypoints, within the joints' position limits if these are. Its time law is
+found on a grid by one pass forwards and one backwards over the squared path speed, as in time-optimal path
+parameterisation (Bobrow et al. 1985), with the acceleration that curvature needs taken off the limit.
 """
 
 from dataclasses import dataclass
@@ -56,7 +56,7 @@ def fastest_path(
             total = total + squares[..., joint]
         lengths = np.sqrt(total)
     lengths = np.maximum(lengths, SHORTEST_SEGMENT)
-    angles, slopes, bends = _spline(waypoints, lengths, grid)
+    angles, slopes, bends = _spline(waypoints, _tangents(arm, waypoints, lengths), lengths, grid)
     spacing = np.repeat(lengths / grid, grid, axis=1)
     squared = _squared_speeds(arm, slopes, bends, spacing, limits)
     speed = np.sqrt(squared)
@@ -96,25 +96,54 @@ def _stretch(arm: ArmKinematics, times: FloatArray, joints: FloatArray, velociti
     return np.asarray(np.maximum(np.maximum(np.sqrt(accelerations.max(axis=(1, 2))), fastest), 1.0))
 
 
+def _tangents(arm: ArmKinematics, waypoints: FloatArray, lengths: FloatArray) -> FloatArray:
+    """Return the spline's derivatives by length at its waypoints [N, K, 7]: of parabolas through three.
+
+    A joint whose spline could swing past its position limits between waypoints gets monotone ones instead.
+    """
+    h = lengths[:, :, None]
+    secants = np.diff(waypoints, axis=1) / h
+    if waypoints.shape[1] == 2:
+        return np.repeat(secants, 2, axis=1)
+    before, after = h[:, :-1], h[:, 1:]
+    inner = (after * secants[:, :-1] + before * secants[:, 1:]) / (before + after)
+    tangents = _with_ends(secants, inner)
+    # A cubic stays within its control points.
+    early, late = waypoints[:, :-1] + tangents[:, :-1] * h / 3.0, waypoints[:, 1:] - tangents[:, 1:] * h / 3.0
+    low, high = np.minimum(early, late).min(axis=1), np.maximum(early, late).max(axis=1)
+    past = (low < arm.lower) | (high > arm.upper)
+    if past.any():
+        monotone = _with_ends(secants, _harmonic_mean(secants[:, :-1], secants[:, 1:]))
+        tangents = np.where(past[:, None], monotone, tangents)
+    return tangents
+
+
+def _with_ends(secants: FloatArray, inner: FloatArray) -> FloatArray:
+    """Return tangents [N, K, 7] from those between the ends: no curvature at both ends."""
+    first = 1.5 * secants[:, :1] - 0.5 * inner[:, :1]
+    last = 1.5 * secants[:, -1:] - 0.5 * inner[:, -1:]
+    return np.concatenate([first, inner, last], axis=1)
+
+
+def _harmonic_mean(left: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the harmonic mean of slopes [...], 0 where they differ in sign (Fritsch and Butland 1984).
+
+    With it as a tangent, a cubic spline stays within the range of the waypoints on both sides.
+    """
+    product = left * right
+    same = product > 0.0
+    return np.where(same, 2.0 * product / np.where(same, left + right, 1.0), 0.0)
+
+
 def _spline(
-    waypoints: FloatArray, lengths: FloatArray, grid: int
+    waypoints: FloatArray, tangents: FloatArray, lengths: FloatArray, grid: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return angles and two derivatives by length at both ends of the grid's intervals [N, I, 2, 7]."""
     count, knots, joints = waypoints.shape
-    h = lengths[:, :, None]
-    secants = np.diff(waypoints, axis=1) / h
-    tangents = np.empty_like(waypoints)
-    if knots == 2:
-        tangents[:] = secants
-    else:
-        before, after = h[:, :-1], h[:, 1:]
-        tangents[:, 1:-1] = (after * secants[:, :-1] + before * secants[:, 1:]) / (before + after)
-        tangents[:, 0] = 1.5 * secants[:, 0] - 0.5 * tangents[:, 1]
-        tangents[:, -1] = 1.5 * secants[:, -1] - 0.5 * tangents[:, -2]
     u = np.stack([np.arange(grid) / grid, (np.arange(grid) + 1) / grid], axis=1)[None, None, :, :, None]
     p0, p1 = waypoints[:, :-1, None, None, :], waypoints[:, 1:, None, None, :]
     m0, m1 = tangents[:, :-1, None, None, :], tangents[:, 1:, None, None, :]
-    length = h[:, :, None, None, :]
+    length = lengths[:, :, None, None, None]
     difference = p1 - p0
     square, cube = u * u, u * u * u
     angles = (
@@ -143,14 +172,16 @@ def _squared_speeds(
     ceiling[:, 1:-1] = np.minimum(top[:, 1:, 0], top[:, :-1, 1])
     ceiling[:, 0] = ceiling[:, -1] = 0.0
     ceiling = np.minimum(ceiling, limits.speed**2)
-    steepest, sharpest = slope.max(axis=2), bend.max(axis=2)
-    squared = ceiling.copy()
-    for forward in (True, False):
-        intervals = range(spacing.shape[1]) if forward else range(spacing.shape[1] - 1, -1, -1)
-        for interval in intervals:
-            start, end = (interval, interval + 1) if forward else (interval + 1, interval)
-            now = squared[:, start]
-            spare = (acceleration - sharpest[:, interval] * now[:, None]) / steepest[:, interval]
-            change = np.minimum(np.maximum(spare.min(axis=1), 0.0), limits.acceleration)
-            squared[:, end] = np.minimum(squared[:, end], now + 2.0 * spacing[:, interval] * change)
-    return squared
+    # What each interval allows at rest, and how much less at speed: [I, N, 7], an interval's rows together.
+    steepest = slope.max(axis=2)
+    room = np.ascontiguousarray(np.swapaxes(acceleration / steepest, 0, 1))
+    taken = np.ascontiguousarray(np.swapaxes(bend.max(axis=2) / steepest, 0, 1))
+    squared, doubled = np.ascontiguousarray(ceiling.T), 2.0 * np.ascontiguousarray(spacing.T)
+    intervals = range(len(doubled))
+    for passage, start, end in ((intervals, 0, 1), (intervals[::-1], 1, 0)):
+        for interval in passage:
+            now, reach = squared[interval + start], squared[interval + end]
+            change = (room[interval] - taken[interval] * now[:, None]).min(axis=1)
+            change = np.minimum(np.maximum(change, 0.0), limits.acceleration)
+            np.minimum(reach, now + doubled[interval] * change, out=reach)
+    return squared.T

@@ -7,12 +7,11 @@ import numpy as np
 from taskschema.arrays import FloatArray
 from taskschema.kinematics.inverse import solve_inverse
 from taskschema.motion import ArmPath, PlanningContext
+from taskschema.motion.line import joints_along_line
 from taskschema.motion.timing import PathLimits, fastest_path
 from taskschema.skills.argument import Argument
 from taskschema.skills.skill import Skill
 
-SPEED = 0.45
-"""[m/s] both arms rise at the same speed, whatever their distances: what they hold stays level."""
 ACCELERATION = 1.5
 """[m/s^2]"""
 WAYPOINTS = 6
@@ -32,24 +31,24 @@ class Lift(Skill):
     end_state: ClassVar[str] = (
         "End effector `distance` higher, orientation and gripper set-point unchanged, at rest."
     )
+    ends_pressing: ClassVar[bool | None] = None
 
     def plan(self, context: PlanningContext, arguments: FloatArray) -> ArmPath:
-        """Plan straight up from the measured pose; see `Skill.plan`."""
+        """Plan straight up from the joints in `context`; see `Skill.plan`."""
         distance = arguments[:, 0]
         position, rotation = context.arm.forward(context.joints)
-        joints = context.joints
-        waypoints = [joints]
-        for share in np.arange(1, WAYPOINTS) / (WAYPOINTS - 1):
-            target = position.copy()
-            target[:, 2] += share * distance
-            joints = solve_inverse(context.arm, target, rotation, joints).joints
-            waypoints.append(joints)
+        target = position.copy()
+        target[:, 2] += distance
+        top = solve_inverse(context.arm, target, rotation, context.joints).joints
+        waypoints = joints_along_line(
+            context.arm, (context.joints, top), (position, target), rotation, WAYPOINTS
+        )
         lengths = np.repeat(distance[:, None] / (WAYPOINTS - 1), WAYPOINTS - 1, axis=1)
         return fastest_path(
             context.arm,
-            np.stack(waypoints, axis=1),
+            waypoints,
             context.opening,
             lengths=lengths,
-            limits=PathLimits(speed=SPEED, acceleration=ACCELERATION),
+            limits=PathLimits(speed=context.lift_speed, acceleration=ACCELERATION),
             grid=6,
         )

@@ -15,6 +15,7 @@ class NoOp(Skill):
     families: ClassVar[tuple[str, ...]] = ("all",)
     start_state: ClassVar[str] = "Any."
     end_state: ClassVar[str] = "As it started: arm still, gripper set-point unchanged."
+    ends_pressing: ClassVar[bool | None] = None
 
     def plan(self, context: PlanningContext, arguments: FloatArray) -> ArmPath:
         """Plan a path of no duration; a step lasts as long as the longer of its two skills."""

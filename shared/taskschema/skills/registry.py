@@ -1,14 +1,18 @@
 """Every skill by its name: adding one is a new file and one line here."""
 
 from taskschema.errors import UnknownNameError
+from taskschema.skills.go_to_pose import GoToPose
 from taskschema.skills.lift import Lift
 from taskschema.skills.no_op import NoOp
+from taskschema.skills.rotate import Rotate
 from taskschema.skills.side_grasp import SideGrasp
 from taskschema.skills.skill import Skill
 from taskschema.skills.top_grasp import TopGrasp
 from taskschema.skills.twist import Twist
 
-SKILLS: dict[str, Skill] = {skill.name: skill for skill in (TopGrasp(), SideGrasp(), Lift(), Twist(), NoOp())}
+SKILLS: dict[str, Skill] = {
+    skill.name: skill for skill in (TopGrasp(), SideGrasp(), GoToPose(), Lift(), Twist(), Rotate(), NoOp())
+}
 
 
 def get_skill(name: str) -> Skill:

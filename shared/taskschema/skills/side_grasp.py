@@ -68,27 +68,17 @@ class SideGrasp(Skill):
         point = context.object_position.copy()
         point[:, :2] += arguments[:, :2]
         point[:, 2] = np.maximum(context.side_grasp_height, TABLE_MARGIN)
-        forward = context.arm.base_rotation[:, 0]
-        heading = np.arctan2(forward[1], forward[0]) + arguments[:, 2]
+        forward = context.arm.base_rotation[..., 0]
+        heading = np.arctan2(forward[..., 1], forward[..., 0]) + arguments[:, 2]
         rotation = vertical_turn(heading) @ POINTING_FORWARD
         joints = np.where(arguments[:, 2:] < 0.0, np.array(ELBOW_LEFT), np.array(ELBOW_RIGHT))
         waypoints = [back]
-        reached = np.ones(len(arguments), dtype=bool)
         for distance in (STANDOFF, 0.5 * STANDOFF, 0.0):
-            result = solve_inverse(context.arm, point - distance * rotation[:, :, 2], rotation, joints)
-            joints, reached = result.joints, reached & result.reached
+            joints = solve_inverse(context.arm, point - distance * rotation[:, :, 2], rotation, joints).joints
             waypoints.append(joints)
-        points = np.stack(waypoints, axis=1)
-        points[~reached] = _straight(points[~reached])
-        path = path.then(fastest_path(context.arm, points, wide))
+        path = path.then(fastest_path(context.arm, np.stack(waypoints, axis=1), wide))
         shut = np.full(len(arguments), context.gripper.closed)
         return path.then_grip(shut, np.full(len(arguments), CLOSE_SECONDS))
-
-
-def _straight(waypoints: FloatArray) -> FloatArray:
-    """Return waypoints [N, K, 7] between the same ends, evenly spaced: a spline within the joint limits."""
-    shares = np.linspace(0.0, 1.0, waypoints.shape[1])[:, None]
-    return np.asarray(waypoints[:, :1] + shares * (waypoints[:, -1:] - waypoints[:, :1]))
 
 
 def _backed_off(context: PlanningContext, closed: BoolArray) -> FloatArray:
@@ -96,7 +86,8 @@ def _backed_off(context: PlanningContext, closed: BoolArray) -> FloatArray:
     rows = np.flatnonzero(closed)
     joints = context.joints.copy()
     if len(rows):
-        position, rotation = context.arm.forward(joints[rows])
+        arm = context.arm.rows(rows)
+        position, rotation = arm.forward(joints[rows])
         target = position - RETREAT * rotation[:, :, 2]
-        joints[rows] = solve_inverse(context.arm, target, rotation, joints[rows]).joints
+        joints[rows] = solve_inverse(arm, target, rotation, joints[rows]).joints
     return joints

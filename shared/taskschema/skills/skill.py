@@ -30,6 +30,9 @@ class Skill:
     """What it expects of arm and gripper."""
     end_state: ClassVar[str]
     """Where it leaves arm and gripper."""
+    ends_pressing: ClassVar[bool | None] = False
+    """Whether the arm may end pressing on something, which the next skill keeps up by starting from the arm's
+    set-point and not from where it was held back. None: as it was before this skill."""
 
     def plan(self, context: PlanningContext, arguments: FloatArray) -> ArmPath:
         """Plan N episodes.

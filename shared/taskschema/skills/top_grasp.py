@@ -99,7 +99,7 @@ def _raised(context: PlanningContext, height: FloatArray) -> FloatArray:
     if len(low):
         target = position[low]
         target[:, 2] = height[low]
-        joints[low] = solve_inverse(context.arm, target, rotation[low], joints[low]).joints
+        joints[low] = solve_inverse(context.arm.rows(low), target, rotation[low], joints[low]).joints
     return joints
 
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from taskschema.arrays import AnyArray, BoolArray, FloatArray
-from taskschema.kinematics.rotation import quaternion_conjugate, quaternion_product
+from taskschema.kinematics.rotation import half_angle_cosine
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
 
 DENSITY = 1000.0
@@ -78,8 +78,7 @@ class HingeTask(SceneTask):
         offset = poses[..., :3] - start[:, None, :3]
         x, y, z = offset[..., 0], offset[..., 1], offset[..., 2]
         shift = np.sqrt(x * x + y * y + z * z)
-        turn = quaternion_product(poses[..., 3:7], quaternion_conjugate(start[:, None, 3:7]))
-        angle = 2.0 * np.arccos(np.minimum(np.abs(turn[..., 0]), 1.0))
+        angle = 2.0 * np.arccos(np.minimum(half_angle_cosine(poses[..., 3:7], start[:, None, 3:7]), 1.0))
         return np.asarray(
             np.maximum(1.0 - turned / self.hinge_goal, 0.0)
             + np.maximum(shift / self.position_tolerance - 1.0, 0.0)

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from taskschema.arrays import AnyArray, BoolArray, FloatArray
-from taskschema.kinematics.rotation import quaternion_conjugate, quaternion_product
+from taskschema.kinematics.rotation import half_angle_cosine
 from taskschema.skills.pairs import PairSpace
 from taskschema.skills.registry import SKILLS
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
@@ -100,15 +100,15 @@ class LateralLifting(SceneTask):
     def goal_reached(self, start: AnyArray, poses: AnyArray) -> BoolArray:
         """Test that the centre is 25 cm above its start and the orientation within tolerance of it."""
         risen = poses[..., 2] - start[:, None, 2] >= LIFT_GOAL
-        turn = quaternion_product(poses[..., 3:], quaternion_conjugate(start[:, None, 3:]))
-        straight = np.abs(turn[..., 0]) >= np.cos(0.5 * ORIENTATION_TOLERANCE)
+        straight = half_angle_cosine(poses[..., 3:], start[:, None, 3:]) >= np.cos(
+            0.5 * ORIENTATION_TOLERANCE
+        )
         return np.asarray(risen & straight)
 
     def goal_distance(self, start: AnyArray, poses: AnyArray) -> FloatArray:
         """Return the share of the height missing plus the excess turn in tolerances; 0 at the goal."""
         missing = np.maximum(LIFT_GOAL - (poses[..., 2] - start[:, None, 2]), 0.0) / LIFT_GOAL
-        turn = quaternion_product(poses[..., 3:], quaternion_conjugate(start[:, None, 3:]))
-        angle = 2.0 * np.arccos(np.minimum(np.abs(turn[..., 0]), 1.0))
+        angle = 2.0 * np.arccos(np.minimum(half_angle_cosine(poses[..., 3:], start[:, None, 3:]), 1.0))
         return np.asarray(missing + np.maximum(angle / ORIENTATION_TOLERANCE - 1.0, 0.0))
 
     def expert_arguments(self, observations: AnyArray, step: int) -> FloatArray:

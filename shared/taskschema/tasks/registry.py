@@ -11,6 +11,7 @@ from taskschema.tasks.task import Task
 _TASKS: dict[str, tuple[str, str]] = {
     "lateral-lifting": ("taskschema.tasks.lateral_lifting", "LateralLifting"),
     "opening": ("taskschema.tasks.opening", "Opening"),
+    "rotating": ("taskschema.tasks.rotating", "Rotating"),
     "toy": ("taskschema.tasks.toy", "Toy"),
 }
 """Module and class of each task; imported only when asked for."""

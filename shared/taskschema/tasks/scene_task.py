@@ -61,6 +61,9 @@ class SceneTask(Task):
     side_grasp_height: ClassVar[float] = 0.0
     """Where a grasp from the side takes the object: above its centre, as a share of its height."""
 
+    lift_speed: ClassVar[float] = 0.45
+    """At which arms lift [m/s]."""
+
     @property
     @abstractmethod
     def object_size(self) -> tuple[float, float, float]:

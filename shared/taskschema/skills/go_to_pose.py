@@ -1,0 +1,89 @@
+"""Go-to pose: bring the hand to a pose near the object, from the robot's own side."""
+
+from typing import ClassVar
+
+import numpy as np
+
+from taskschema.arrays import FloatArray
+from taskschema.kinematics.euler import roll_pitch_yaw_quaternion
+from taskschema.kinematics.inverse import solve_inverse
+from taskschema.kinematics.rotation import rotate
+from taskschema.motion import ArmPath, PlanningContext
+from taskschema.motion.hand_clearance import least_height, tilted_clear
+from taskschema.motion.line import joints_along_line
+from taskschema.motion.timing import PathLimits, fastest_path
+from taskschema.skills.argument import Argument
+from taskschema.skills.skill import Skill
+
+APPROACH = 0.16
+"""[m] that the hand travels at the end, in its final orientation, level and straight away from its base."""
+WAYPOINTS = 5
+"""Poses on that line, both of its ends among them."""
+SPEED = 0.25
+"""[m/s] on that line: slow enough that what is touched is pushed and not knocked away."""
+ACCELERATION = 1.0
+"""[m/s^2]"""
+
+
+class GoToPose(Skill):
+    """Turn the hand beside its goal, on the robot's own side of it, then bring it there in a straight line.
+
+    The hand's position counts before its orientation: one that would be in the table is tilted, and only
+    then raised. The gripper is symmetric, so of an orientation and its half turn the nearer one is taken.
+    Something in the way is pushed, or, where it does not give way, pressed with the servos' force.
+    """
+
+    name: ClassVar[str] = "go_to_pose"
+    summary: ClassVar[str] = "bring the hand to a pose near the object and press on what is in the way"
+    families: ClassVar[tuple[str, ...]] = ("picking", "rotating")
+    arguments: ClassVar[tuple[Argument, ...]] = (
+        Argument("x", "m", -0.1, 0.1, "offset from the object's centre along the world's x axis"),
+        Argument("y", "m", -0.1, 0.1, "offset from the object's centre along the world's y axis"),
+        Argument("z", "m", -0.1, 0.1, "offset from the object's centre along the world's z axis"),
+        Argument("roll", "rad", 0.0, 2.0 * np.pi, "first turn, about the world's x axis", periodic=True),
+        Argument("pitch", "rad", 0.0, 2.0 * np.pi, "second turn, about the world's y axis", periodic=True),
+        Argument("yaw", "rad", 0.0, 2.0 * np.pi, "third turn, about the world's z axis", periodic=True),
+    )
+    start_state: ClassVar[str] = "Any; the hand moves in the joints to beside its goal, not around obstacles."
+    end_state: ClassVar[str] = (
+        "End effector at the pose, or held back on its way and pressing, which lift and no-op keep up; "
+        "gripper set-point unchanged; arm at rest."
+    )
+    ends_pressing: ClassVar[bool | None] = True
+
+    def plan(self, context: PlanningContext, arguments: FloatArray) -> ArmPath:
+        """Plan from the joints in `context`; see `Skill.plan`."""
+        target = context.object_position + arguments[:, :3]
+        quaternion = roll_pitch_yaw_quaternion(arguments[:, 3:])
+        rotation = np.stack([rotate(quaternion, axis) for axis in np.eye(3)], axis=2)
+        rotation = _nearer_half_turn(context, tilted_clear(rotation, target[:, 2]))
+        target[:, 2] = np.maximum(target[:, 2], least_height(rotation))
+        back = context.arm.base_position[..., :2] - target[:, :2]
+        distance = np.sqrt(back[:, 0] * back[:, 0] + back[:, 1] * back[:, 1])
+        start = target.copy()
+        start[:, :2] += back * (APPROACH / distance)[:, None]
+        beside = solve_inverse(context.arm, start, rotation, context.joints).joints
+        goal = solve_inverse(context.arm, target, rotation, beside).joints
+        waypoints = joints_along_line(context.arm, (beside, goal), (start, target), rotation, WAYPOINTS)
+        way = np.stack([context.joints, beside], axis=1)
+        line = np.full((len(target), WAYPOINTS - 1), APPROACH / (WAYPOINTS - 1))
+        return fastest_path(context.arm, way, context.opening).then(
+            fastest_path(
+                context.arm,
+                waypoints,
+                context.opening,
+                lengths=line,
+                limits=PathLimits(speed=SPEED, acceleration=ACCELERATION),
+                grid=6,
+            )
+        )
+
+
+def _nearer_half_turn(context: PlanningContext, rotation: FloatArray) -> FloatArray:
+    """Turn hands [N, 3, 3] by half a turn about their own z axis where that is nearer to the present one."""
+    _, present = context.arm.forward(context.joints)
+    alike = np.zeros(len(rotation))
+    for row in range(3):
+        for column in (0, 1):
+            alike = alike + rotation[:, row, column] * present[:, row, column]
+    return np.where((alike < 0.0)[:, None, None], rotation * np.array([-1.0, -1.0, 1.0]), rotation)
