@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 from bench.entry import Entry, table
-from bench.machine import machine
+from taskschema_learner.machine import machine
 
 BENCHES: dict[str, tuple[tuple[int, ...], str]] = {
     "simulation": ((1,), "simulated seconds per wall second against robosuite's own env.step"),

@@ -57,3 +57,7 @@ class RayError(TaskschemaError):
 
 class QuarantineLimitError(TaskschemaError):
     """A slot whose results were refused three times."""
+
+
+class ExperimentError(TaskschemaError):
+    """An experiment whose results are damaged, locked, or of other settings."""

@@ -13,6 +13,7 @@ from taskschema_learner.cli import (
     curves,
     doctor,
     evaluation,
+    experiment,
     run_facts,
     scale,
     serve,
@@ -27,7 +28,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for module in (train, serve, evaluation, run_facts, audit, curves, scale, catalogue, doctor):
+for module in (train, serve, evaluation, run_facts, audit, experiment, curves, scale, catalogue, doctor):
     module.register(app)
 
 

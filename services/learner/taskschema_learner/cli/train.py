@@ -1,6 +1,5 @@
 """`taskschema train`: learn a task."""
 
-import math
 import shlex
 import shutil
 from collections.abc import Mapping
@@ -15,9 +14,6 @@ if TYPE_CHECKING:
     from taskschema.config import RunConfig
     from taskschema_learner.composition import TrainOptions
     from taskschema_learner.run_folder import RunFolder
-
-STEPS_PER_SLOT = 10
-"""A slot holds whole episodes of at least this many steps, if none succeeds early (paper: 10)."""
 
 
 def register(app: typer.Typer) -> None:
@@ -93,18 +89,14 @@ def _new_config(task: str | None, task_file: str | None) -> "RunConfig":
         TaskschemaError: if there is no such task.
 
     """
-    from taskschema.config import RunConfig
     from taskschema.errors import ConfigError
-    from taskschema.tasks.registry import read_task_file, task_of
+    from taskschema.tasks.registry import read_task_file
+    from taskschema_learner.default_config import default_config
 
     if (task is None) == (task_file is None):
         raise ConfigError("Name a TASK (see `taskschema tasks`) or give --task-file FILE:CLASS, one of both.")
     name, source = (task, None) if task_file is None else read_task_file(task_file)
-    config = RunConfig(task=name or "", task_source=source)
-    horizon = task_of(config).horizon
-    return RunConfig(
-        task=name or "", task_source=source, episodes_per_slot=math.ceil(STEPS_PER_SLOT / horizon)
-    )
+    return default_config(name or "", task_source=source)
 
 
 def _run_to_resume(
