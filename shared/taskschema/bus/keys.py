@@ -109,7 +109,7 @@ class RunKeys:
 
     @property
     def work(self) -> str:
-        """Stream: open slots; an entry goes when its result arrives."""
+        """Stream: slots to run; entries stay until a checkpoint covers their results."""
         return self._key("work")
 
     @property

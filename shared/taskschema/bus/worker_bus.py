@@ -15,7 +15,13 @@ from taskschema.bus.keys import GROUP, RunKeys
 from taskschema.bus.lease import Lease
 from taskschema.bus.messages import SlotHeader
 from taskschema.bus.records import RunRecords
-from taskschema.bus.work_stream import ITEM, ensure_group, read_item
+from taskschema.bus.work_stream import (
+    HANDED_BACK,
+    HANDED_BACK_IDLE_MS,
+    ensure_group,
+    open_count,
+    read_item,
+)
 from taskschema.bus.worker_info import ALIVE_SECONDS, AgentKind
 from taskschema.config import PROTOCOL_VERSION, RunConfig
 from taskschema.errors import BusError, ConfigError
@@ -92,7 +98,7 @@ class WorkerBus:
     def _compare(self, config: RunConfig) -> None:
         with self._client.pipeline(transaction=True) as pipe:
             pipe.hmget(self._keys.config, "protocol", "hash")
-            pipe.set(self._keys.agent_kind, self._kind, nx=True)
+            pipe.setnx(self._keys.agent_kind, self._kind)
             pipe.get(self._keys.agent_kind)
             (protocol, config_hash), _, kind = pipe.execute()
         if int(protocol) != PROTOCOL_VERSION or config_hash.decode() != config.config_hash:
@@ -112,17 +118,12 @@ class WorkerBus:
         if self._heartbeat is None:
             return
         heartbeat, self._heartbeat, self._config = self._heartbeat, None, None
-        held, self._held = self._held, {}
-        try:
-            with self._client.pipeline(transaction=True) as pipe:
-                for lease in held.values():
-                    pipe.xack(self._keys.work, GROUP, lease.entry_id)
-                    pipe.xdel(self._keys.work, lease.entry_id)
-                    pipe.xadd(self._keys.work, {ITEM: msgspec.json.encode(lease.item)})
-                pipe.xgroup_delconsumer(self._keys.work, GROUP, self._worker_id)
-                pipe.execute(raise_on_error=False)  # the stream goes when its run is deleted
-        finally:
-            heartbeat.stop()
+        held, self._held = list(self._held), {}
+        heartbeat.stop()  # first: a beat would renew what is handed back
+        if held:
+            self._client.xclaim(
+                self._keys.work, GROUP, HANDED_BACK, 0, held, idle=HANDED_BACK_IDLE_MS, justid=True
+            )
 
     @bus_errors()
     def lease(self, block_ms: int) -> list[Lease]:
@@ -143,7 +144,6 @@ class WorkerBus:
         leases, worthless = self._sort(entries)
         if worthless:
             self._client.xack(self._keys.work, GROUP, *worthless)
-            self._client.xdel(self._keys.work, *worthless)
         self._held.update({lease.entry_id: lease for lease in leases})
         self._beating.hold([lease.entry_id for lease in leases])
         return leases
@@ -158,16 +158,15 @@ class WorkerBus:
         """Return how many slots to take at most."""
         config = self.join()
         with self._client.pipeline(transaction=False) as pipe:
+            pipe.hget(self._keys.config, "hash")
             pipe.time()
             pipe.zrange(self._keys.heartbeats, 0, -1, withscores=True)
-            pipe.xlen(self._keys.work)
-            pipe.hget(self._keys.config, "hash")
-            (seconds, _), heartbeats, open_slots, config_hash = pipe.execute()
+            config_hash, (seconds, _), heartbeats = pipe.execute()
         if config_hash is None or config_hash.decode() != config.config_hash:
             raise ConfigError(f"Run {self._run!r} is gone or has another config now: start the agent again.")
         alive: int = sum(seen > seconds - ALIVE_SECONDS for _, seen in heartbeats)
         # An idle agent waits for the next round, whose slots come all at once.
-        expected_slots: int = open_slots or config.slots
+        expected_slots = open_count(self._client, self._keys) or config.slots
         return min(math.ceil(expected_slots / max(alive, 1)), MOST_SLOTS)
 
     def _expired(self, count: int) -> list[tuple[bytes, dict[bytes, bytes]]]:
@@ -226,7 +225,6 @@ class WorkerBus:
                     entry = {HEADER: self._header(lease), DATA: encode_slot(trajectories)}
                     pipe.xadd(self._keys.trajectories, entry)
                     pipe.xack(self._keys.work, GROUP, lease.entry_id)
-                    pipe.xdel(self._keys.work, lease.entry_id)
                 pipe.execute()
             del results[:SLOTS_PER_TRANSACTION]
             for lease, _ in part:
