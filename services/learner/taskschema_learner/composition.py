@@ -28,6 +28,9 @@ from taskschema_learner.worker_pool import WorkerPool
 
 log = logging.getLogger("taskschema.learner")
 
+WORKER_REDIS_VARIABLE = "TASKSCHEMA_WORKER_REDIS_URL"
+"""Environment variable with the Redis URL that actors use: a user with fewer rights. Unset: the learner's."""
+
 
 @dataclass(frozen=True)
 class TrainOptions:
@@ -146,7 +149,9 @@ def _start_workers(
         worker = Worker(bus, threads=os.cpu_count() or 1)
         stack.callback(worker.close)
         return lambda: worker.run_once(block_ms=1), 0
-    pool = stack.enter_context(WorkerPool(url, run, target=options.workers, address=options.ray))
+    actors_url = None if options.redis is None else os.environ.get(WORKER_REDIS_VARIABLE)
+    pool = WorkerPool(url, run, options.workers, options.ray, actors_redis_url=actors_url)
+    stack.enter_context(pool)
     return pool.check, pool.size
 
 

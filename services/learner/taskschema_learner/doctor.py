@@ -154,12 +154,13 @@ def _ray() -> Check:
     runtime = RayRuntime()
     try:
         runtime.start()
-        cores, memory = runtime.resources()
+        nodes = runtime.nodes()
     except (TaskschemaError, OSError) as error:
         advice = "Train with --workers 0, which needs no Ray, or free ports, memory and /dev/shm."
         return _check("ray", False, str(error), advice)
     finally:
         runtime.stop()
+    cores, memory = sum(node.cpus for node in nodes), sum(node.memory for node in nodes)
     return _check("ray", True, f"a local Ray starts: {cores:g} CPUs, {memory / 2**30:.1f} GiB for workers")
 
 

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import psutil
 
@@ -44,6 +44,14 @@ LOCAL_SETTINGS = {
     "RAY_prestart_worker_first_driver": "false",
 }
 """Environment of a local Ray, too."""
+
+
+class Node(NamedTuple):
+    """What one machine, or one container, offers to actors."""
+
+    cpus: float
+    memory: float
+    """[bytes]"""
 
 
 class RayRuntime:
@@ -126,14 +134,15 @@ class RayRuntime:
             log.warning("Ray does not answer: %s", " ".join(str(error).split())[:300])
         raise RayError("Ray has died: its workers cannot be replaced. Continue with --resume.")
 
-    def resources(self) -> tuple[float, float]:
-        """Return the cluster's CPUs and its memory [bytes]."""
+    def nodes(self) -> list[Node]:
+        """Return the cluster's living nodes."""
         import ray
 
-        resources = ray.cluster_resources()  # type: ignore[no-untyped-call]
-        return resources.get("CPU", 0.0), resources.get("memory", 0.0)
+        found = [node for node in ray.nodes() if node["Alive"]]  # type: ignore[no-untyped-call]
+        resources = [node["Resources"] for node in found]
+        return [Node(each.get("CPU", 0.0), each.get("memory", 0.0)) for each in resources]
 
-    def start_actor(self, redis_url: str, run: str, cpus: float) -> "ActorHandle[Any]":
+    def start_actor(self, redis_url: str, run: str, name: str, cpus: float) -> "ActorHandle[Any]":
         """Place a rollout actor, on another machine than the one before if there is one."""
         import ray
 
@@ -148,7 +157,7 @@ class RayRuntime:
             scheduling_strategy="SPREAD",
             runtime_env={"env_vars": SINGLE_THREADED},
         )
-        handle: ActorHandle[Any] = options.remote(redis_url, run)
+        handle: ActorHandle[Any] = options.remote(redis_url, run, name)
         return handle
 
     def ended(self, references: "Sequence[ObjectRef[None]]") -> "dict[ObjectRef[None], str | None]":

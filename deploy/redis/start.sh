@@ -1,0 +1,19 @@
+#!/bin/sh
+# Start Redis with one user per role: the passwords come from REDIS_{LEARNER,WORKER,API,ROBOT}_PASSWORD, and only
+# their SHA-256 is written, into memory. Further words are options of redis-server.
+set -eu
+umask 077
+rules=/tmp/users.acl
+cp "$(dirname "$0")/users.acl.template" "$rules"
+for role in LEARNER WORKER API ROBOT; do
+  eval "password=\${REDIS_${role}_PASSWORD:-}"
+  if [ -z "$password" ]; then
+    echo "Set REDIS_${role}_PASSWORD: every role of Redis has its own." >&2
+    exit 1
+  fi
+  sum=$(printf %s "$password" | sha256sum)
+  sed -i "s/@REDIS_${role}_SHA256@/${sum%% *}/" "$rules"
+done
+# Every answered write is on the disk; a blob is a slot's trajectories or a policy.
+exec redis-server --dir /data --aclfile "$rules" --save '' --appendonly yes --appendfsync always \
+  --proto-max-bulk-len 64mb --databases 1 --bind '* -::*' --protected-mode no "$@"
