@@ -1,10 +1,10 @@
 #!/bin/sh
-# Start Redis with one user per role: the passwords come from REDIS_{LEARNER,WORKER,API,ROBOT}_PASSWORD, and only
-# their SHA-256 is written, into memory. Further words are options of redis-server.
+# Start Redis (7.0 or newer) with one user per role. The passwords come from REDIS_{LEARNER,WORKER,API,ROBOT}_PASSWORD,
+# and only their SHA-256 is written, into memory. Further words are options of redis-server.
 set -eu
 umask 077
-rules=/tmp/users.acl
-cp "$(dirname "$0")/users.acl.template" "$rules"
+rules=${REDIS_ACL_FILE:-/tmp/users.acl}
+sums=
 for role in LEARNER WORKER API ROBOT; do
   eval "password=\${REDIS_${role}_PASSWORD:-}"
   if [ -z "$password" ]; then
@@ -12,8 +12,12 @@ for role in LEARNER WORKER API ROBOT; do
     exit 1
   fi
   sum=$(printf %s "$password" | sha256sum)
-  sed -i "s/@REDIS_${role}_SHA256@/${sum%% *}/" "$rules"
+  sums="$sums;s/@REDIS_${role}_SHA256@/${sum%% *}/"
+  unset "REDIS_${role}_PASSWORD"
 done
+unset password
+sed "${sums#;}" "${REDIS_ACL_TEMPLATE:-$(dirname "$0")/users.acl.template}" > "$rules"
 # Every answered write is on the disk; a blob is a slot's trajectories or a policy.
-exec redis-server --dir /data --aclfile "$rules" --save '' --appendonly yes --appendfsync always \
-  --proto-max-bulk-len 64mb --databases 1 --bind '* -::*' --protected-mode no "$@"
+exec "${REDIS_SERVER:-redis-server}" --dir "${REDIS_DATA:-/data}" --aclfile "$rules" --save '' \
+  --appendonly yes --appendfsync always --proto-max-bulk-len 64mb --databases 1 \
+  --bind '* -::*' --protected-mode no "$@"

@@ -30,6 +30,8 @@ log = logging.getLogger("taskschema.learner")
 
 WORKER_REDIS_VARIABLE = "TASKSCHEMA_WORKER_REDIS_URL"
 """Environment variable with the Redis URL that actors use: a user with fewer rights. Unset: the learner's."""
+API_REDIS_VARIABLE = "TASKSCHEMA_API_REDIS_URL"
+"""Environment variable with the Redis URL that the API uses, of a user with fewer rights. Unset: ours."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,8 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
         records = RunRecords(connect(url))
         records.register_run(folder.name, folder.config)
         records.clear_requests(folder.name)
-        api = stack.enter_context(ApiProcess(url, folder.name, options.api)) if options.api else None
+        api_url = url if options.redis is None else os.environ.get(API_REDIS_VARIABLE, url)
+        api = stack.enter_context(ApiProcess(api_url, folder.name, options.api)) if options.api else None
         records.set_api(folder.name, api.url if api else None)
         task = task_of(folder.config)
         learner = Learner(folder.config, task, device=options.device)

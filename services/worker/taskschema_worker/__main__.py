@@ -14,6 +14,7 @@ from types import FrameType
 from threadpoolctl import threadpool_limits
 
 from taskschema.bus.connection import connect
+from taskschema.bus.url import REDIS_VARIABLE, hide_password
 from taskschema.bus.worker_bus import LEASE_SECONDS, WorkerBus
 from taskschema.errors import BusError, TaskschemaError, UnknownNameError
 from taskschema_worker.worker import RETRY_SECONDS, Worker
@@ -23,6 +24,8 @@ log = logging.getLogger("taskschema.worker")
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a worker until SIGTERM or SIGINT; return the exit status."""
+    if arguments is None:
+        hide_password()
     options = _parser().parse_args(arguments)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     stop = threading.Event()
@@ -68,11 +71,10 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m taskschema_worker", description=__doc__)
     parser.add_argument(
         "--redis",
-        default=os.environ.get("TASKSCHEMA_REDIS_URL"),
-        required="TASKSCHEMA_REDIS_URL" not in os.environ,
+        default=os.environ.get(REDIS_VARIABLE),
+        required=REDIS_VARIABLE not in os.environ,
         metavar="URL",
-        help="Redis of the run; better given as TASKSCHEMA_REDIS_URL, so that no process list shows "
-        "its password",
+        help=f"Redis of the run; better given as {REDIS_VARIABLE}, where nobody else sees its password",
     )
     parser.add_argument("--run", required=True, help="name of the run to serve")
     parser.add_argument("--threads", type=int, default=1, help="physics threads (default: 1)")

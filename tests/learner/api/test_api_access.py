@@ -11,10 +11,11 @@ import psutil
 import pytest
 from api_setup import RUN, TOKEN
 
+from taskschema.bus.url import REDIS_VARIABLE
 from taskschema.errors import ConfigError
 from taskschema_learner.api.access import TOKEN_VARIABLE, Access, new_token
 from taskschema_learner.api.address import Address
-from taskschema_learner.api.process import REDIS_VARIABLE, ApiProcess
+from taskschema_learner.api.process import ApiProcess
 
 CHANGES = [
     ("PUT", "/workers"),

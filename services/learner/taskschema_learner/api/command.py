@@ -9,10 +9,10 @@ import sys
 from pathlib import Path
 from types import FrameType
 
+from taskschema.bus.url import REDIS_VARIABLE
 from taskschema.errors import ConfigError, TaskschemaError
 from taskschema_learner.api.access import TOKEN_VARIABLE, Access, new_token
 from taskschema_learner.api.address import DEFAULT_HOST, DEFAULT_PORT, Address
-from taskschema_learner.api.process import REDIS_VARIABLE
 from taskschema_learner.api.server import serve
 from taskschema_learner.api.source import RunSource
 

@@ -12,12 +12,11 @@ from contextlib import suppress
 from types import TracebackType
 from typing import IO, Self
 
+from taskschema.bus.url import REDIS_VARIABLE
 from taskschema.errors import ConfigError
 from taskschema_learner.api.access import TOKEN_VARIABLE, Access, new_token
 from taskschema_learner.api.address import Address
 
-REDIS_VARIABLE = "TASKSCHEMA_REDIS_URL"
-"""Environment variable with the URL of the Redis, password included: never on the command line."""
 START_TIMEOUT = 30.0
 """Longest wait for the first answer [s]; usually about one second."""
 STOP_TIMEOUT = 4.0

@@ -34,9 +34,9 @@ def serve(
     Stop it with Ctrl-C. Beyond this machine every request needs the token that is printed at the start,
     or that TASKSCHEMA_API_TOKEN sets.
     """
+    from taskschema.bus.url import REDIS_VARIABLE
     from taskschema_learner.api import command
     from taskschema_learner.api.address import Address
-    from taskschema_learner.api.process import REDIS_VARIABLE
 
     address = Address.parse(api)
     options = ["--host", address.host, "--port", str(address.port)]
