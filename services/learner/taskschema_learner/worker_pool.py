@@ -145,8 +145,7 @@ class WorkerPool:
         for actor in self._actors:
             actor.handle.stop.remote()
         self._ray.wait([actor.running for actor in self._actors], timeout=CLOSE_SECONDS)
-        for actor in self._actors:
-            self._ray.kill(actor.handle)
+        # Whoever has not left ends with the connection to Ray; killed one by one, each would be reported.
         self._actors.clear()
         self._ray.stop()
 
