@@ -1,6 +1,5 @@
 """Pictures show what is there: the overhead camera looks straight down, and shows nothing that is hidden."""
 
-import os
 import subprocess
 import sys
 
@@ -75,7 +74,7 @@ def test_both_kinds_of_software_rendering_show_the_same(tmp_path):
         "import sys, numpy as np\n"
         "from taskschema.tasks.lateral_lifting import LateralLifting\n"
         "from taskschema_worker.rendering.scene_renderer import SceneRenderer\n"
-        "with SceneRenderer(LateralLifting(), 64, 64, 'front', fine=True) as renderer:\n"
+        "with SceneRenderer(LateralLifting(), 64, 64, 'front') as renderer:\n"
         "    np.save(sys.argv[1], renderer.render(renderer.home_positions))\n"
     )
     frames = []
@@ -85,7 +84,7 @@ def test_both_kinds_of_software_rendering_show_the_same(tmp_path):
         path = tmp_path / f"{name}.npy"
         result = subprocess.run(
             [sys.executable, "-c", script, path],
-            env={**os.environ, "MUJOCO_GL": name},
+            env=backend.environment_for(name),
             capture_output=True,
             text=True,
         )

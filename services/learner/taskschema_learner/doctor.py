@@ -121,8 +121,10 @@ def _rendering() -> Check:
 
 def _drawing_speed(backend: str) -> str:
     """Say how long a frame takes, measured in a process of its own: a driver may take its process with it."""
+    from taskschema_worker.rendering.backend import environment_for
+
     command = [sys.executable, "-m", "taskschema_worker.rendering.speed"]
-    environment = {**os.environ, "MUJOCO_GL": backend}
+    environment = environment_for(backend)
     try:
         result = subprocess.run(
             command, capture_output=True, text=True, timeout=PROBE_SECONDS, env=environment, check=True

@@ -44,14 +44,13 @@ def probe(backend: str) -> tuple[str | None, str]:
         What draws with it, such as `llvmpipe (LLVM 15.0.6, 256 bits)`, or None; and what went wrong.
 
     """
-    environment = {**os.environ, "PYOPENGL_PLATFORM": backend, "MUJOCO_GL": backend}
     try:
         result = subprocess.run(
             [sys.executable, "-c", _PROBE, backend],
             capture_output=True,
             text=True,
             timeout=PROBE_SECONDS,
-            env=environment,
+            env=environment_for(backend),
         )
     except subprocess.TimeoutExpired:
         return None, f"no answer within {PROBE_SECONDS} s"
@@ -60,6 +59,11 @@ def probe(backend: str) -> tuple[str | None, str]:
         return found.splitlines()[-1], ""
     lines = [line for line in result.stderr.strip().splitlines() if ": " in line]
     return None, lines[-1][:200] if lines else f"ended with status {result.returncode}"
+
+
+def environment_for(backend: str) -> dict[str, str]:
+    """Return the environment of another process that is to draw with a backend, whatever this one uses."""
+    return {**os.environ, "MUJOCO_GL": backend, "PYOPENGL_PLATFORM": backend}
 
 
 def requested(environment: Mapping[str, str] = os.environ) -> tuple[str, ...]:
