@@ -152,9 +152,9 @@ def _decimated(vertices: FloatArray, faces: IntArray, area: float) -> tuple[Floa
 
 
 def _has_three_corners(faces: IntArray) -> BoolArray:
-    return (
-        np.asarray(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-    )
+    a, b, c = faces.T
+    distinct: BoolArray = (a != b) & (b != c) & (c != a)
+    return distinct
 
 
 def _area(vertices: FloatArray, faces: IntArray) -> float:

@@ -9,9 +9,9 @@ import mujoco
 
 from taskschema.arrays import FloatArray
 from taskschema.kinematics.sawyer import sawyer_pair
+from taskschema.scene import scene_mjcf
 from taskschema.skills.pairs import ARMS
 from taskschema.tasks.scene_task import SceneTask
-from taskschema_worker.scenes import scene_mjcf
 
 TABLE_EDGE = 0.8
 """Edge length of the square table [m]: robosuite's."""
