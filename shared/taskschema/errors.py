@@ -61,3 +61,7 @@ class QuarantineLimitError(TaskschemaError):
 
 class ExperimentError(TaskschemaError):
     """An experiment whose results are damaged, locked, or of other settings."""
+
+
+class RenderingError(TaskschemaError):
+    """Pictures that cannot be drawn or written: no renderer, or nothing to show."""
