@@ -56,10 +56,16 @@ class Stack:
             raise RuntimeError(f"{' '.join(words)}: {(done.stderr or done.stdout)[-3000:]}")
         return done.stdout
 
+    def clean(self) -> None:
+        """Remove containers, networks and volumes, if there are any."""
+        self.compose("--profile", "tools", "down", "--volumes", "--remove-orphans")
+
     def containers(self, service: str) -> list[str]:
         """Return the ids of a service's running containers, oldest first."""
         label = f"label=com.docker.compose.project={PROJECT}"
-        found = docker("ps", "-q", "--filter", label, "--filter", f"label=com.docker.compose.service={service}")
+        found = docker(
+            "ps", "-q", "--filter", label, "--filter", f"label=com.docker.compose.service={service}"
+        )
         return found.split()[::-1]
 
     def get(self, path: str) -> Any:
@@ -92,7 +98,9 @@ class Stack:
 
     def rounds_pass(self, count: int) -> float:
         """Wait for so many more rounds and return how long that took [s]."""
-        started, goal = time.monotonic(), self.eventually(self.version) + count
+        started = time.monotonic()
+        self.wait(lambda: self.version() >= 0, "the API")
+        goal = self.version() + count
         self.wait(lambda: self.version() >= goal, f"round {goal}")
         return time.monotonic() - started
 
@@ -101,12 +109,6 @@ class Stack:
         started = time.monotonic()
         self.wait(lambda: self.live_workers() == count, f"{count} workers")
         return time.monotonic() - started
-
-    def eventually(self, ask: Callable[[], int]) -> int:
-        """Return the answer to a question, asked until the API gives one."""
-        answers: list[int] = []
-        self.wait(lambda: answers.append(ask()) is None, "the API")
-        return answers[-1]
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
         """Poll until something is true.
