@@ -43,9 +43,7 @@ ROLLING_PIN = RobotObject(
     reset=("Lay the rolling pin between the robots, diagonally, its flats with the markers up.",),
     parts=(
         Part("capsule", (0.025, 0.1), euler=(0.0, np.pi / 2, 0.0), density=700, friction=1.0, colour=WOOD),
-        Part(
-            "capsule", (0.014, 0.2), euler=(0.0, np.pi / 2, 0.0), density=1200, friction=1.0, colour=WOOD
-        ),
+        Part("capsule", (0.014, 0.2), euler=(0.0, np.pi / 2, 0.0), density=1200, friction=1.0, colour=WOOD),
     ),
     yaw=DIAGONAL,
 )
@@ -85,8 +83,12 @@ SOCCER_BALL = RobotObject(
         _on_top(8, 0.05, 0.0, 0.0, 0.112),
         Marker(9, 0.05, (0.079, 0.0, 0.079), (0.7071067811865476, 0.0, -0.7071067811865476)),
         Marker(10, 0.05, (-0.079, 0.0, 0.079), (0.7071067811865476, 0.0, 0.7071067811865476)),
-        Marker(11, 0.05, (0.0, 0.079, 0.079), (1.0, 0.0, 0.0), (0.0, 0.7071067811865476, -0.7071067811865476)),
-        Marker(12, 0.05, (0.0, -0.079, 0.079), (1.0, 0.0, 0.0), (0.0, 0.7071067811865476, 0.7071067811865476)),
+        Marker(
+            11, 0.05, (0.0, 0.079, 0.079), (1.0, 0.0, 0.0), (0.0, 0.7071067811865476, -0.7071067811865476)
+        ),
+        Marker(
+            12, 0.05, (0.0, -0.079, 0.079), (1.0, 0.0, 0.0), (0.0, 0.7071067811865476, 0.7071067811865476)
+        ),
     ),
     reset=("Put the ball into its ring near the table's centre, marker 8 up.",),
     parts=(Part("sphere", (0.11,), density=77, friction=0.5, colour=(0.9, 0.9, 0.9)),),
