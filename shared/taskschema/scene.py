@@ -30,12 +30,23 @@ NAMES = ("name", "joint", "class")
 
 
 def scene_mjcf(task: SceneTask) -> ET.Element:
-    """Return the task's scene as MJCF; joints come in the order left arm, right arm, object."""
-    root = ET.Element("mujoco", {"model": task.name})
+    """Return the task's scene as MJCF; see `compose_scene`."""
+    return compose_scene(task.name, task.object_mjcf)
+
+
+def compose_scene(name: str, object_mjcf: str) -> ET.Element:
+    """Return a scene as MJCF; joints come in the order left arm, right arm, object.
+
+    Args:
+        name: of the model.
+        object_mjcf: see `SceneTask.object_mjcf`.
+
+    """
+    root = ET.Element("mujoco", {"model": name})
     compiler = {"angle": "radian", "autolimits": "true", "discardvisual": "true", "fusestatic": "true"}
     root.append(ET.Element("compiler", compiler))
     option = {"timestep": f"{TIMESTEP:g}", "integrator": "implicitfast", "cone": "pyramidal"}
-    own_model = ET.fromstring(task.object_mjcf.strip())
+    own_model = ET.fromstring(object_mjcf.strip())
     for element in own_model.findall("option"):
         option |= element.attrib
     root.append(ET.Element("option", option))

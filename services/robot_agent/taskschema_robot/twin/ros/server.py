@@ -37,13 +37,14 @@ class Outbox:
         self.accepted += 1
         self._filled.set()
 
-    async def run(self) -> None:
-        """Send until the connection closes."""
+    async def run(self, flowing: asyncio.Event) -> None:
+        """Send until the connection closes; nothing while not `flowing`."""
         try:
             while True:
                 await self._filled.wait()
                 self._filled.clear()
                 while self._frames:
+                    await flowing.wait()
                     await self._connection.send(self._frames.popleft()[1])
         except ConnectionClosed:
             return
@@ -85,6 +86,8 @@ class BridgeServer:
         self._fragments = FragmentStore()
         self._count = 0
         self._server: Server | None = None
+        self._flowing = asyncio.Event()
+        self._flowing.set()
 
     @property
     def port(self) -> int:
@@ -117,6 +120,16 @@ class BridgeServer:
         for link in list(self.links.values()):
             link.connection.transport.abort()
 
+    def stall(self, *, active: bool) -> None:
+        """Let nothing pass in either direction, pongs included, while connections stay open; or end that."""
+        if active:
+            self._flowing.clear()
+        else:
+            self._flowing.set()
+        for link in self.links.values():
+            transport = link.connection.transport
+            (transport.pause_reading if active else transport.resume_reading)()
+
     async def _serve(self, connection: ServerConnection) -> None:
         outbox = Outbox(connection)
         number, self._count = self._count, self._count + 1
@@ -124,7 +137,7 @@ class BridgeServer:
         path = connection.request.path if connection.request else ""
         link = ClientLink(connection, outbox)
         self.links[path] = link
-        writer = asyncio.create_task(outbox.run())
+        writer = asyncio.create_task(outbox.run(self._flowing))
         try:
             await self._read(connection, session, link)
         except ConnectionClosed:
