@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from taskschema.kinematics.sawyer import rethink_gripper, sawyer_pair
+from taskschema.kinematics.sawyer import rethink_gripper, sawyer_pair, sawyers
 from taskschema.motion import PlanningContext
 from taskschema.motion.timing import fastest_path
 from taskschema.skills.registry import get_skill
@@ -27,7 +27,7 @@ def context(arm: int, joints: np.ndarray, opening: float, task=BAR, instance=Non
     instance = instance or task.draw_instance(np.random.default_rng(0))
     size = np.array([task.object_size]) * instance.scale
     return PlanningContext(
-        arm=sawyer_pair()[arm],
+        arm=sawyers(np.array([arm])),
         gripper=rethink_gripper(),
         joints=joints[None],
         opening=np.array([opening]),
@@ -36,6 +36,7 @@ def context(arm: int, joints: np.ndarray, opening: float, task=BAR, instance=Non
         object_size=size,
         top_grasp_offset=task.top_grasp_height * size[:, 2],
         side_grasp_offset=task.side_grasp_height * size[:, 2],
+        lift_speed=task.lift_speed,
     )
 
 

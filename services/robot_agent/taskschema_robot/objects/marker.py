@@ -37,7 +37,7 @@ class Marker:
 
     @property
     def corners(self) -> FloatArray:
-        """[4, 3] top left, top right, bottom right, bottom left, in its link's frame [m], as cv2 finds them."""
+        """[4, 3] top left, top right, bottom right, bottom left, in its link's frame [m]: cv2's order."""
         half = 0.5 * self.size
         x, y = (half * np.asarray(axis) for axis in (self.x_axis, self.y_axis))
         return np.asarray(self.position) + np.stack([y - x, y + x, -y + x, -y - x])

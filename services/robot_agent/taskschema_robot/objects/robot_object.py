@@ -71,8 +71,9 @@ class RobotObject:
                 f'damping="0.002"/>{_geoms(self.joint_parts)}</body>'
             )
         return (
-            '<mujoco><compiler angle="radian"/><option cone="elliptic" impratio="10"/><worldbody><body name="object">'
-            f'<freejoint name="object"/>{_geoms(self.parts)}{inner}</body></worldbody></mujoco>'
+            '<mujoco><compiler angle="radian"/><option cone="elliptic" impratio="10"/>'
+            f'<worldbody><body name="object"><freejoint name="object"/>'
+            f"{_geoms(self.parts)}{inner}</body></worldbody></mujoco>"
         )
 
 

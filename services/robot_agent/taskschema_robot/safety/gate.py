@@ -55,6 +55,7 @@ class SafetyGate:
         self._lock = threading.Lock()
         self._fault: Fault | None = None
         self._openings: list[float | None] = [None, None]
+        self._held_at: FloatArray | None = None
         for driver in drivers:
             driver.set_speed_ratio(1.0)  # the set-points themselves are as slow as they should be
 
@@ -75,7 +76,7 @@ class SafetyGate:
     def check(self, motion: Motion, *, recovering: bool = False) -> Refusal | None:
         """Return why a motion would be refused; see `GatedArms`."""
         measured = np.stack([state.positions for state in self.states()])
-        return check_plan(motion, measured, self._limits) or self._sweep.check(
+        return check_plan(motion, measured, self._limits, self._held_at) or self._sweep.check(
             motion, measured, recovering=recovering
         )
 
@@ -112,7 +113,7 @@ class SafetyGate:
                 driver.reset()
             if not driver.state().enabled:
                 driver.enable()
-            self._openings = [None, None]
+        self._openings, self._held_at = [None, None], None
         log.warning("%s acknowledged: %s", person, fault.reason)
         with self._lock:
             self._fault = None
@@ -208,6 +209,7 @@ class SafetyGate:
             try:
                 for driver, positions in zip(self._drivers, joints, strict=True):
                     driver.command(positions)
+                self._held_at = joints
                 return
             except RobotError as error:
                 reason = f"the {driver.name} arm did not take a set-point: {error}"

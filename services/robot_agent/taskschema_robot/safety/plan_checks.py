@@ -22,11 +22,25 @@ RIGID = 1e-3
 Check = Callable[[Motion, FloatArray, SafetyLimits], Refusal | None]
 
 
-def check_plan(motion: Motion, measured: FloatArray, limits: SafetyLimits) -> Refusal | None:
-    """Return why a motion from `measured` [2, 7] must not be made, or None; the sweep comes after."""
+def check_plan(
+    motion: Motion, measured: FloatArray, limits: SafetyLimits, held_at: FloatArray | None = None
+) -> Refusal | None:
+    """Return why a motion must not be made, or None; the sweep comes after.
+
+    Args:
+        motion: whatever was asked for.
+        measured: [2, 7] where the arms are [rad].
+        limits: that hold.
+        held_at: [2, 7] set-points that the arms are held at, from which a motion may start, too: an arm that
+            presses on something is not where it was sent.
+    """
+    refusal = check_form(motion, measured, limits)
+    if refusal is not None:
+        return refusal
+    refusal = check_start(motion, measured, limits, held_at)
+    if refusal is not None:
+        return refusal
     checks: tuple[Check, ...] = (
-        check_form,
-        check_start,
         check_joint_limits,
         check_rates,
         check_gripper,
@@ -90,9 +104,14 @@ def _is_real(array: object, shape: tuple[int, ...]) -> bool:
     )
 
 
-def check_start(motion: Motion, measured: FloatArray, limits: SafetyLimits) -> Refusal | None:
-    """Check that the first set-point is where the arms are."""
+def check_start(
+    motion: Motion, measured: FloatArray, limits: SafetyLimits, held_at: FloatArray | None = None
+) -> Refusal | None:
+    """Check that the first set-point is where the arms are, or are held at and nearly are."""
     error = np.abs(motion.joints[:, 0] - measured)
+    if held_at is not None:
+        pressing = np.abs(held_at - measured) <= limits.tracking_error
+        error = np.where(pressing, np.minimum(error, np.abs(motion.joints[:, 0] - held_at)), error)
     if error.max() <= limits.start_tolerance:
         return None
     arm, joint = np.unravel_index(error.argmax(), error.shape)
