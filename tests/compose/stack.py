@@ -59,7 +59,9 @@ class Stack:
     def containers(self, service: str) -> list[str]:
         """Return the ids of a service's running containers, oldest first."""
         label = f"label=com.docker.compose.project={PROJECT}"
-        found = docker("ps", "-q", "--filter", label, "--filter", f"label=com.docker.compose.service={service}")
+        found = docker(
+            "ps", "-q", "--filter", label, "--filter", f"label=com.docker.compose.service={service}"
+        )
         return found.split()[::-1]
 
     def get(self, path: str) -> Any:

@@ -20,9 +20,7 @@ def test_there_are_the_papers_nine():
 
 
 def test_no_marker_is_used_twice():
-    numbers = [
-        marker.number for item in OBJECTS.values() for marker in (*item.markers, *item.joint_markers)
-    ]
+    numbers = [marker.number for item in OBJECTS.values() for marker in (*item.markers, *item.joint_markers)]
     assert len(numbers) == len(set(numbers))
     assert not set(numbers) & set(TABLE_MARKERS)
 

@@ -17,7 +17,7 @@ from taskschema_worker.rendering.visual_scene import visual_model
 from taskschema_worker.simulation import SceneIndices
 
 MOST_GEOMS = 1000
-FINE_SAMPLES, FINE_SHADOWS = 4, 4096
+FINE_SAMPLES, FINE_SHADOWS = 4, 2048
 """Multisampling and edge length of the shadow map [pixel] of fine pictures."""
 
 
