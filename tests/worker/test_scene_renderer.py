@@ -69,6 +69,15 @@ def test_frames_show_what_moves_and_nothing_that_is_hidden(renderer):
     np.testing.assert_array_equal(first, shot(renderer, bar(0.02, 0.03)))
 
 
+def test_the_arms_leave_the_object_in_sight_when_the_first_step_is_decided(renderer):
+    positions = renderer.home_positions.copy()
+    positions[-7:] = bar(0.0, 0.0).pose
+    assert renderer.object_pixels(positions) > 100
+    assert renderer.object_pixels(positions) == renderer.object_pixels(positions, arms=False)
+    positions[-7:] = bar(0.0, -0.2).pose  # under the left hand
+    assert renderer.object_pixels(positions) < 0.95 * renderer.object_pixels(positions, arms=False)
+
+
 def test_both_kinds_of_software_rendering_show_the_same(tmp_path):
     script = (
         "import sys, numpy as np\n"

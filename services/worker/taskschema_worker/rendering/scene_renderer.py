@@ -17,7 +17,9 @@ from taskschema_worker.rendering.visual_scene import visual_model
 from taskschema_worker.simulation import SceneIndices
 
 MOST_GEOMS = 1000
-FINE_SAMPLES, FINE_SHADOWS = 4, 4096
+VISUAL_GROUP = 1
+"""Geom group of the arms' meshes, and of table and floor."""
+FINE_SAMPLES, FINE_SHADOWS = 4, 2048
 """Multisampling and edge length of the shadow map [pixel] of fine pictures."""
 
 
@@ -45,6 +47,8 @@ class SceneRenderer:
         self._model.vis.global_.offwidth, self._model.vis.global_.offheight = width, height
         self._object = ObjectModel(self._model)
         self._instance = copy.copy(self._model)
+        bodies = self._model.body_rootid[self._model.geom_bodyid]
+        self._object_geoms = set(np.flatnonzero(bodies == self._model.body("object").id).tolist())
         self._data = mujoco.MjData(self._model)
         self.home_positions: FloatArray = np.array(self._model.qpos0, dtype=np.float64)
         """`qpos` [nq] with the arms at the start of an episode and the object in the middle."""
@@ -87,6 +91,24 @@ class SceneRenderer:
         mujoco.mjr_render(self._viewport, self._scene, self._context)
         mujoco.mjr_readPixels(self._frame, None, self._viewport, self._context)
         return self._frame[::-1].copy()
+
+    def object_pixels(self, positions: AnyArray, *, arms: bool = True) -> int:
+        """Return how many pixels of a state `qpos` [nq] show the object; with or without the arms."""
+        flags = [int(mujoco.mjtRndFlag.mjRND_SEGMENT), int(mujoco.mjtRndFlag.mjRND_IDCOLOR)]
+        self._scene.flags[flags] = True
+        self._options.geomgroup[VISUAL_GROUP] = arms
+        try:
+            red, green, blue = np.moveaxis(self.render(positions).astype(np.int64), -1, 0)
+        finally:
+            self._scene.flags[flags] = False
+            self._options.geomgroup[VISUAL_GROUP] = True
+        shown = self._scene.geoms[: self._scene.ngeom]
+        numbers = [
+            geom.segid + 1
+            for geom in shown
+            if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and geom.objid in self._object_geoms
+        ]
+        return int(np.isin(red + 256 * green + 65536 * blue, numbers).sum())
 
     def close(self) -> None:
         """Give back what the renderer holds."""

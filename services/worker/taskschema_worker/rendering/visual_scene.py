@@ -54,7 +54,7 @@ LIGHTS = (
     {"pos": "1.2 -0.8 2.4", "dir": "-0.45 0.3 -0.9", "diffuse": "0.5 0.5 0.5", "castshadow": "true"},
     {"pos": "-1.0 1.0 2.4", "dir": "0.4 -0.4 -0.9", "diffuse": "0.15 0.15 0.16", "castshadow": "false"},
 )
-HEADLIGHT = {"ambient": "0.3 0.3 0.3", "diffuse": "0.12 0.12 0.12", "specular": "0 0 0"}
+HEADLIGHT = {"ambient": "0.36 0.36 0.36", "diffuse": "0.12 0.12 0.12", "specular": "0 0 0"}
 
 
 def visual_model(task: SceneTask) -> mujoco.MjModel:
@@ -154,7 +154,7 @@ def _cameras() -> Iterable[ET.Element]:
         },
     )
     yield ET.Element(
-        "camera", {"name": "front", "pos": "2.1 0 1.05", "xyaxes": "0 1 0 -0.36 0 0.93", "fovy": "36"}
+        "camera", {"name": "front", "pos": "2.1 0 1.05", "xyaxes": "0 1 0 -0.287 0 0.958", "fovy": "33"}
     )
 
 
