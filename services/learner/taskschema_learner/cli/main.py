@@ -19,6 +19,7 @@ from taskschema_learner.cli import (
     run_facts,
     scale,
     serve,
+    token,
     train,
 )
 
@@ -40,6 +41,7 @@ for module in (
     replay,
     curves,
     scale,
+    token,
     catalogue,
     doctor,
 ):

@@ -1,5 +1,6 @@
 """`taskschema train`: learn a task."""
 
+import os
 import shlex
 import shutil
 from collections.abc import Mapping
@@ -42,6 +43,9 @@ def train(
     ray: option.Ray = None,
     device: option.Device = "cpu",
     api: option.Api = "127.0.0.1:8420",
+    api_tls_cert: option.ApiTlsCert = None,
+    api_tls_key: option.ApiTlsKey = None,
+    log_format: option.LogFormat = "text",
 ) -> None:
     """Learn a task: which skill each arm runs at each step, and with which arguments.
 
@@ -49,6 +53,7 @@ def train(
     --resume goes on.
     """
     from taskschema.errors import ConfigError
+    from taskschema_learner.api.transport import Tls
 
     if ray is not None and redis is None:
         raise ConfigError("--ray needs --redis: a cluster's workers cannot reach the Redis inside this run.")
@@ -63,6 +68,7 @@ def train(
     else:
         config = _new_config(task, task_file)
     config = _with_options(config, given)
+    tls = Tls.of(api_tls_cert, api_tls_key)
 
     # These need torch, which takes seconds to import: what is wrong with the options shows before.
     from taskschema_learner.composition import TrainOptions
@@ -78,8 +84,10 @@ def train(
             redis=redis,
             ray=ray,
             api=None if api == "none" else api,
+            api_tls=tls,
             device=device,
-        )
+        ),
+        log_format,
     )
 
 
@@ -196,17 +204,25 @@ def initial_logits(
     return tuple(map(tuple, logits_from_document(document, task.pairs, task.horizon).tolist()))
 
 
-def _run(options: "TrainOptions") -> None:
+def _run(options: "TrainOptions", log_kind: str) -> None:
     from rich.console import Console
 
     from taskschema.errors import TaskschemaError
+    from taskschema.logs import FORMAT_VARIABLE, log_format
     from taskschema_learner.composition import run_training
+    from taskschema_learner.log_observer import LogObserver
     from taskschema_learner.logs import RunLog
     from taskschema_learner.terminal import TerminalObserver
 
+    kind = log_format(log_kind)
+    os.environ[FORMAT_VARIABLE] = kind  # for the workers that are started here
     is_new = not options.run_dir.exists()
     console = Console(highlight=False)
-    observer = TerminalObserver(console, RunLog(console), _resume_command(options), options.config.policy)
+    run_log = RunLog(console, kind)
+    again = _resume_command(options)
+    observer: LogObserver | TerminalObserver = LogObserver(run_log, again)
+    if kind == "text":
+        observer = TerminalObserver(console, run_log, again, options.config.policy)
     try:
         run_training(options, observer)
     except TaskschemaError:

@@ -113,3 +113,22 @@ Api = Annotated[
         metavar="HOST:PORT", help="Where the HTTP API listens; none: nowhere.", rich_help_panel=_PLACE
     ),
 ]
+ApiTlsCert = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="TLS for the API: its certificate, as PEM.", rich_help_panel=_PLACE),
+]
+ApiTlsKey = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE", help="The certificate's key without a password, as PEM.", rich_help_panel=_PLACE
+    ),
+]
+LogFormat = Annotated[
+    str,
+    typer.Option(
+        metavar="text|json",
+        envvar="TASKSCHEMA_LOG_FORMAT",
+        help="text: for people; json: a line of JSON for every event, on standard error.",
+        rich_help_panel=_PLACE,
+    ),
+]
