@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pytest
-
 from bench.pictures import SHOWN_IN
+
 from taskschema.skills.registry import SKILLS
 
 DOCS = Path(__file__).parents[1] / "docs"
