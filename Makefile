@@ -22,7 +22,7 @@ test-slow: $(STAMP)  ## run the long tests too
 	$(BIN)/pytest
 
 compose-test: $(STAMP)  ## the whole service in containers, where there is a Docker engine
-	$(BIN)/python -m deploy.compose_test
+	$(BIN)/python -m tests.compose
 
 env:             ## write .env, the settings of docker compose, with new secrets
 	@test ! -e .env || { echo ".env is there already: edit it, or move it away." >&2; exit 1; }

@@ -17,6 +17,8 @@ fi
 export RAY_AUTH_MODE=token RAY_USAGE_STATS_ENABLED=0
 # Idle processes started ahead of time lack the actors' environment and would never be used.
 export RAY_prestart_worker_first_driver=false
+# A node that is told to stop waits so long for its actors, which the pool then lets go [s].
+export RAY_GRACEFUL_SHUTDOWN_DRAIN_TIMEOUT_S="${RAY_GRACEFUL_SHUTDOWN_DRAIN_TIMEOUT_S:-10}"
 # Where the file system is read-only, log files lie in memory [bytes].
 export RAY_ROTATION_MAX_BYTES="${RAY_ROTATION_MAX_BYTES:-4000000}" RAY_ROTATION_BACKUP_COUNT=1
 

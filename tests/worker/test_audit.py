@@ -78,7 +78,7 @@ def test_report_reads_back_and_names_the_good_schemas():
 def test_tasks_without_a_scene_and_unknown_efforts_are_refused():
     with pytest.raises(ConfigError, match="toy"):
         audit(get_task("toy"))
-    with pytest.raises(UnknownNameError, match="full, quick"):
+    with pytest.raises(UnknownNameError, match="full, medium, quick"):
         audit(TASK, effort="fast")
 
 

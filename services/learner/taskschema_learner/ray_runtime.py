@@ -59,6 +59,10 @@ class Node(NamedTuple):
     cpus: float
     memory: float
     """[bytes]"""
+    host: str = ""
+    """Its name, as its workers tell it."""
+    is_leaving: bool = False
+    """Whether it was told to stop and waits for its actors."""
 
 
 class RayRuntime:
@@ -154,9 +158,18 @@ class RayRuntime:
         """Return the cluster's living nodes."""
         import ray
 
+        # What Ray Train asks too: ray.nodes() does not say it.
+        leaving = ray._private.state.state.get_draining_nodes()
         found = [node for node in ray.nodes() if node["Alive"]]  # type: ignore[no-untyped-call]
-        resources = [node["Resources"] for node in found]
-        return [Node(each.get("CPU", 0.0), each.get("memory", 0.0)) for each in resources]
+        return [
+            Node(
+                cpus=node["Resources"].get("CPU", 0.0),
+                memory=node["Resources"].get("memory", 0.0),
+                host=node["NodeManagerHostname"],
+                is_leaving=node["NodeID"] in leaving,
+            )
+            for node in found
+        ]
 
     def start_actor(self, redis_url: str, run: str, name: str, cpus: float) -> "ActorHandle[Any]":
         """Place a rollout actor, on another machine than the one before if there is one."""

@@ -5,7 +5,7 @@ import math
 import threading
 import time
 import uuid
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -54,9 +54,9 @@ class WorkerPool:
 
     actors = min(target, capacity), and the target is the capacity, one actor a core, unless someone set it:
     here, with `taskschema scale N` or with `PUT /workers`. Where actors outnumber cores, each reserves a
-    fraction of one, down to 1/64. Nodes of the cluster may come and go. An actor whose process dies is
-    restarted by Ray, one whose worker fails by the pool. Use it in `with`; leaving it stops all actors, and
-    Ray if it was started here.
+    fraction of one, down to 1/64. Nodes of the cluster may come and go: the actors of one that was told to
+    stop finish their slots and move. An actor whose process dies is restarted by Ray, one whose worker fails
+    by the pool. Use it in `with`; leaving it stops all actors, and Ray if it was started here.
 
     Raises:
         BusError: if Redis cannot be reached. RayError: if Ray cannot be started or reached.
@@ -119,7 +119,8 @@ class WorkerPool:
     @property
     def capacity(self) -> int:
         """How many actors the cluster can hold at the most, however many are asked for."""
-        return max(1, places(self._ray.nodes(), ACTORS_PER_CORE))
+        staying = [node for node in self._ray.nodes() if not node.is_leaving]
+        return max(1, places(staying, ACTORS_PER_CORE))
 
     def check(self) -> None:
         """Return if workers are there, or can be started again.
@@ -144,8 +145,7 @@ class WorkerPool:
         for actor in self._actors:
             actor.handle.stop.remote()
         self._ray.wait([actor.running for actor in self._actors], timeout=CLOSE_SECONDS)
-        for actor in self._actors:
-            self._ray.kill(actor.handle)
+        # Whoever has not left ends with the connection to Ray; killed one by one, each would be reported.
         self._actors.clear()
         self._ray.stop()
 
@@ -173,14 +173,15 @@ class WorkerPool:
         """Drop actors that ended, retire those that are too many or reserve too much, start missing ones."""
         self._ray.check()
         nodes = self._ray.nodes()
+        staying = [node for node in nodes if not node.is_leaving]
         target = self._records.worker_target(self._run)
-        cores = max(1, sum(int(node.cpus) for node in nodes))
-        capacity = max(1, places(nodes, ACTORS_PER_CORE))
+        cores = max(1, sum(int(node.cpus) for node in staying))
+        capacity = max(1, places(staying, ACTORS_PER_CORE))
         wanted = min(cores if target is None else target, capacity)
-        share = share_of_core(nodes, wanted)
+        share = share_of_core(staying, wanted)
         self._drop_ended()
         before = self.size
-        self._retire(wanted, share)
+        self._retire(wanted, share, {node.host for node in nodes if node.is_leaving})
         if time.monotonic() >= self._retry_at:
             self._actors += [self._start(share) for _ in range(wanted - self.size)]
         if self.size != before:
@@ -192,13 +193,15 @@ class WorkerPool:
                 capacity,
             )
 
-    def _retire(self, wanted: int, share: float) -> None:
-        """Let those actors go that reserve more than `share` of a core, or are more than `wanted`."""
+    def _retire(self, wanted: int, share: float, leaving: Collection[str]) -> None:
+        """Let go actors that reserve more than `share` of a core, whose host leaves, or beyond `wanted`."""
         staying = [actor for actor in self._actors if actor.retired_at is None and actor.share <= share]
-        if len(staying) > wanted:
+        if leaving or len(staying) > wanted:
+            workers = self._records.workers(self._run)
+            hosts = {info.id.rpartition("-")[2]: info.host for info in workers}
+            staying = [actor for actor in staying if hosts.get(actor.name) not in leaving]
             # An actor whose node is gone waits for room on another: it goes before one that works.
-            alive = {info.id.rpartition("-")[2] for info in self._records.workers(self._run)}
-            staying.sort(key=lambda actor: actor.name not in alive)
+            staying.sort(key=lambda actor: actor.name not in hosts)
         for actor in self._actors:
             if actor.retired_at is None and actor not in staying[:wanted]:
                 actor.handle.stop.remote()

@@ -92,14 +92,18 @@ def test_the_table_and_the_description_list_the_same(beyond) -> None:
     assert set(described(beyond)) | hidden == set(NEEDS)
 
 
-@pytest.mark.parametrize("token", [None, "", UNKNOWN, EXPIRED, HELD["read"] + "x", HELD["control"][:-1]])
+@pytest.mark.parametrize(
+    "token",
+    [None, "", UNKNOWN, EXPIRED, HELD["read"] + "x", HELD["control"][:-1]],
+    ids=["none", "empty", "unknown", "expired", "longer", "shorter"],
+)
 def test_no_token_and_bad_and_expired_ones(beyond, token) -> None:
     for method, path in described(beyond):
         status = ask(beyond, method, path, token)
         assert status == 200 if (method, path) in PROBES else status == 401, (method, path, status)
 
 
-@pytest.mark.parametrize("scope", SCOPES)
+@pytest.mark.parametrize("scope", sorted(SCOPES))
 def test_a_token_opens_what_its_scope_says_and_nothing_else(beyond, scope) -> None:
     opened = set()
     for method, path in described(beyond):

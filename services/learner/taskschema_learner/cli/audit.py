@@ -17,7 +17,7 @@ def register(app: typer.Typer) -> None:
 def audit(
     task: Annotated[str, typer.Argument(metavar="TASK", help="Task to audit: see `taskschema tasks`.")],
     effort: Annotated[
-        str, typer.Option(metavar="quick|full", help="Sample sizes: minutes, or hours with every schema.")
+        str, typer.Option(metavar="quick|medium|full", help="Sample sizes: minutes, half an hour, or hours.")
     ] = "quick",
     seed: Annotated[int, typer.Option(help="Seed of the audit's searches and samples.")] = 0,
     output: Annotated[

@@ -32,6 +32,7 @@ def train(
     slots: option.Slots = 50,
     init_schema: option.InitSchema = None,
     freeze_schema: option.FreezeSchema = False,
+    schema_public_key: option.SchemaPublicKey = None,
     settings: option.Settings = None,
     until_success: option.UntilSuccess = 0.9,
     rounds: option.Rounds = None,
@@ -154,7 +155,9 @@ def _with_options(config: "RunConfig", given: Mapping[str, Any]) -> "RunConfig":
         changes["task"], changes["task_source"] = read_task_file(given["task_file"])
     schema: dict[str, Any] = {}
     if "init_schema" in given:
-        schema["initial_logits"] = initial_logits(given["init_schema"], config)
+        schema["initial_logits"] = initial_logits(
+            given["init_schema"], config, given.get("schema_public_key")
+        )
     if "freeze_schema" in given:
         schema["frozen"] = given["freeze_schema"]
     changes["schema"] = msgspec.structs.replace(config.schema, **schema)
@@ -168,15 +171,35 @@ def _with_options(config: "RunConfig", given: Mapping[str, Any]) -> "RunConfig":
     return override(changed, assignments)
 
 
-def initial_logits(reference: str, config: "RunConfig") -> tuple[tuple[float, ...], ...]:
-    """Return the logits of a schema file, or of a run."""
+def initial_logits(
+    reference: str, config: "RunConfig", public_key: Path | None = None
+) -> tuple[tuple[float, ...], ...]:
+    """Return the logits of a schema file, or of a run.
+
+    Raises:
+        TaskschemaError: if there is none, it does not fit the task, or the owner of a configured public key
+            did not sign it.
+
+    """
+    from taskschema.errors import SignatureError
     from taskschema.schema import logits_from_document
     from taskschema.tasks.registry import task_of
     from taskschema_learner.cli.run_reference import find_run
-    from taskschema_learner.run_folder import read_schema_file
+    from taskschema_learner.schema_file import read_schema
+    from taskschema_learner.signing import read_public_key
 
     path = Path(reference)
-    document = read_schema_file(path) if path.is_file() else find_run(reference).read_schema()
+    trusted = None if public_key is None else read_public_key(public_key)
+    if path.is_file():
+        document = read_schema(path, trusted)
+    else:
+        folder = find_run(reference)
+        if trusted is not None:
+            raise SignatureError(
+                f"Run {folder.name} is not signed, and a public key is configured: take the file that "
+                f"`taskschema schema {reference} --export FILE` writes."
+            )
+        document = folder.read_schema()
     task = task_of(config)
     return tuple(map(tuple, logits_from_document(document, task.pairs, task.horizon).tolist()))
 

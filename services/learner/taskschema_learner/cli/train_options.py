@@ -38,6 +38,15 @@ InitSchema = Annotated[
 FreezeSchema = Annotated[
     bool, typer.Option("--freeze-schema", help="Leave the schema as it starts.", rich_help_panel=_LEARN)
 ]
+SchemaPublicKey = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        envvar="TASKSCHEMA_SCHEMA_PUBLIC_KEY",
+        help="Take --init-schema only from a file that the owner of this public key signed.",
+        rich_help_panel=_LEARN,
+    ),
+]
 Settings = Annotated[
     list[str] | None,
     typer.Option(

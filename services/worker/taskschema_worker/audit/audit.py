@@ -9,7 +9,7 @@ import numpy as np
 from taskschema.errors import ConfigError, UnknownNameError
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
 from taskschema.tasks.task import Schema, Task
-from taskschema_worker.audit.episodes import expert, fixed, run_schema, streams
+from taskschema_worker.audit.episodes import BATCH, expert, fixed, run_schema, run_schemas, streams
 from taskschema_worker.audit.report import (
     GOOD_TARGET,
     AuditReport,
@@ -48,12 +48,16 @@ class Effort:
     sample_schemas: int
     """Other schemas that are searched."""
     search: Search
+    skip_repeats: bool = False
+    """Whether schemas with one arm idle that differ only in when both arms pause, which takes no time and
+    changes nothing, are searched once."""
 
 
 EFFORTS = {
     effort.name: effort
     for effort in (
         Effort("quick", 256, 16, 4, 64, 2048, 4, 2, Search(96, 6, 64)),
+        Effort("medium", 1024, 50, 3, 100, 16384, 10_000, 8, Search(96, 5, 100), skip_repeats=True),
         Effort("full", 1024, 100, 8, 200, 16384, 10_000, 16, Search(96, 8, 200)),
     )
 }
@@ -113,7 +117,7 @@ class _Audit:
         random = self._random()
         schemas = list(itertools.product(self.task.pairs.pairs, repeat=self.task.horizon))
         screened = self._screen(schemas)
-        idle = [schema for schema in schemas if is_idle(schema)]
+        idle = [schema for schema in schemas if is_idle(schema) and not self._is_repeat(schema)]
         solved = {item.schema for item in screened}
         rest = [schema for schema in schemas if schema not in solved and not is_idle(schema)]
         picks = streams(self.seed, SAMPLE_PART, 0, 2)
@@ -152,14 +156,29 @@ class _Audit:
 
     def _screen(self, schemas: Sequence[Schema]) -> list[SchemaRate]:
         """Try every schema with the expert's arguments, and those that succeed at all on more instances."""
-        solved = []
-        for index, schema in enumerate(schemas):
-            self.progress("all schemas", index / len(schemas))
-            if self._rate(schema, SCREEN_PART, index, self.effort.screen).successes:
-                solved.append(
-                    SchemaRate(schema, self._rate(schema, CONFIRM_PART, index, self.effort.confirm))
-                )
-        return solved
+        tried = self._rates(schemas, range(len(schemas)), SCREEN_PART, self.effort.screen)
+        hopeful = [index for index, rate in enumerate(tried) if rate.successes]
+        confirmed = self._rates(schemas, hopeful, CONFIRM_PART, self.effort.confirm)
+        return [SchemaRate(schemas[index], rate) for index, rate in zip(hopeful, confirmed, strict=True)]
+
+    def _rates(self, schemas: Sequence[Schema], chosen: Sequence[int], part: int, count: int) -> list[Rate]:
+        """Return the success rates of the chosen schemas on `count` instances each, many schemas a batch."""
+        name = {SCREEN_PART: "all schemas", CONFIRM_PART: "schemas that succeed"}[part]
+        together, rates = max(1, BATCH // count), []
+        for start in range(0, len(chosen), together):
+            self.progress(name, start / len(chosen))
+            indices = chosen[start : start + together]
+            rngs = [rng for index in indices for rng in streams(self.seed, part, index, count)]
+            instances = [self.task.draw_instance(rng) for rng in rngs]
+            repeated = [schemas[index] for index in indices for _ in range(count)]
+            outcome = run_schemas(self.environment, self.task, repeated, instances, expert(self.task))
+            rates += [Rate(int(row.sum()), count) for row in outcome.success.reshape(-1, count)]
+        return rates
+
+    def _is_repeat(self, schema: Schema) -> bool:
+        """Return whether a schema is searched under another name: the one that pauses at its end."""
+        pauses = [pair == (IDLE, IDLE) for pair in schema]
+        return self.effort.skip_repeats and pauses != sorted(pauses)
 
     def _random(self) -> Rate:
         """Try uniformly random arguments, new ones for every episode and step."""

@@ -41,16 +41,30 @@ def run_schema(
     arguments: ArgumentSource,
 ) -> Outcome:
     """Run one episode per instance under a fixed schema; an episode ends at its first success."""
+    return run_schemas(environment, task, [schema] * len(instances), instances, arguments)
+
+
+def run_schemas(
+    environment: SceneEnvironment,
+    task: SceneTask,
+    schemas: Sequence[Schema],
+    instances: Sequence[ObjectInstance],
+    arguments: ArgumentSource,
+) -> Outcome:
+    """Run one episode per instance, each under its own schema; all schemas have the same length.
+
+    No episode depends on the others in its batch, so many schemas of few episodes may share one.
+    """
     success = np.zeros(len(instances), dtype=bool)
     closest = np.zeros(len(instances))
-    pairs = [task.pairs.index(left, right) for left, right in schema]
+    pairs = np.array([[task.pairs.index(*pair) for pair in schema] for schema in schemas], dtype=np.int64)
     for start in range(0, len(instances), BATCH):
         part = slice(start, min(start + BATCH, len(instances)))
         observations = environment.reset_to(instances[part])
         live = np.arange(part.stop - part.start)
-        for step, pair in enumerate(pairs):
+        for step in range(pairs.shape[1]):
             chosen = arguments(observations, step, part)
-            result = environment.step(live, np.full(len(live), pair), chosen[live])
+            result = environment.step(live, pairs[start + live, step], chosen[live])
             success[start + live] = result.success
             observations[live] = result.observations
             live = live[~(result.success | result.diverged)]
