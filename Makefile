@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 TASK ?= lateral-lifting
 SEED ?= 0
 
-.PHONY: train test test-slow check bench lock clean help
+.PHONY: train test test-slow compose-test check bench lock env clean help
 
 help:            ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 18
@@ -21,6 +21,13 @@ test: $(STAMP)   ## run the tests (under 10 minutes on 2 cores)
 test-slow: $(STAMP)  ## run the long tests too
 	$(BIN)/pytest
 
+compose-test: $(STAMP)  ## the whole service in containers, where there is a Docker engine
+	$(BIN)/python -m tests.compose
+
+env:             ## write .env, the settings of docker compose, with new secrets
+	@test ! -e .env || { echo ".env is there already: edit it, or move it away." >&2; exit 1; }
+	umask 077 && deploy/docker/new-env.sh > .env
+
 check: $(STAMP)  ## lint, formatting and types
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
@@ -29,8 +36,9 @@ check: $(STAMP)  ## lint, formatting and types
 bench: $(STAMP)  ## measure the speed and print it beside its targets
 	$(BIN)/python -m bench
 
-lock: $(STAMP)   ## write requirements.lock from what is installed
+lock: $(STAMP)   ## write requirements.lock, and the images' parts of it, from what is installed
 	$(BIN)/pip freeze --exclude-editable | grep -v '^torch==' > requirements.lock
+	$(BIN)/python deploy/docker/image_locks.py
 
 # torch comes first and alone, so that a CPU wheel is taken where there is one; everything else, its
 # dependencies included, is exactly the lock's: nothing is resolved, so nothing unwanted comes along.

@@ -9,10 +9,10 @@ import numpy as np
 
 from taskschema.arrays import BoolArray
 from taskschema.randomness import EpisodeKey, Purpose, generator
+from taskschema.scene import scene_mjcf
 from taskschema.tasks.scene_task import SceneTask
 from taskschema_worker.audit.episodes import ArgumentSource, run_schema
 from taskschema_worker.scene_environment import SceneEnvironment
-from taskschema_worker.scenes import scene_mjcf
 from taskschema_worker.simulation import Simulation
 
 TIMESTEP = 0.001

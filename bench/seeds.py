@@ -11,9 +11,9 @@ import sys
 from pathlib import Path
 from statistics import median
 
-from bench.machine import machine
 from taskschema.tasks.registry import task_of
 from taskschema_learner.evaluation import evaluate
+from taskschema_learner.machine import machine
 from taskschema_learner.run_folder import RunFolder
 from taskschema_learner.schema_report import compare, schema_words
 

@@ -14,6 +14,7 @@ from taskschema.bus.keys import RunKeys
 from taskschema.bus.learner_bus import LearnerBus
 from taskschema.bus.messages import SlotHeader
 from taskschema.bus.records import RunRecords
+from taskschema.bus.work_stream import work_entries
 from taskschema.bus.worker_bus import WorkerBus
 from taskschema.config import PROTOCOL_VERSION, RunConfig
 from taskschema.metrics import RoundMetrics
@@ -119,9 +120,8 @@ class Run:
         return SlotHeader(PROTOCOL_VERSION, config_hash, snapshot.version, slot, snapshot.sha256, "tester")
 
     def open_slots(self) -> list[int]:
-        """Slots in the work stream, in order."""
-        entries = self.client.xrange(self.keys.work)
-        return [msgspec.json.decode(fields[b"item"])["slot"] for _, fields in entries]
+        """Slots that are offered or leased, in order."""
+        return [entry.item.slot for entry in work_entries(self.client, self.keys) if entry.is_open]
 
 
 def deliver(worker: WorkerBus, block_ms: int = 1) -> list[int]:

@@ -63,7 +63,7 @@ def import_without(modules: list[str], forbidden: set[str]) -> subprocess.Comple
         (["taskschema_worker", "taskschema_worker.worker", "taskschema_worker.rollout"], set()),
         (modules_of("taskschema_worker"), {"mujoco", "gymnasium"}),
         (modules_of("taskschema_learner", below="api"), {"fastapi"}),
-        (modules_of("taskschema_robot"), set()),
+        (modules_of("taskschema_robot"), {"mujoco", "cv2"}),
         (["taskschema_learner.cli.main"], set()),
     ],
     ids=["shared", "worker on a task without physics", "worker", "api", "robot", "command line"],

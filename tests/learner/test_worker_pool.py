@@ -18,7 +18,8 @@ from taskschema.config import RunConfig
 from taskschema.tasks.registry import task_of
 from taskschema_learner.embedded_redis import EmbeddedRedis
 from taskschema_learner.learner import Learner
-from taskschema_learner.worker_pool import WorkerPool
+from taskschema_learner.ray_runtime import Node
+from taskschema_learner.worker_pool import ACTORS_PER_CORE, WorkerPool, places, share_of_core
 
 RUN = "pool-test"
 CONFIG = RunConfig(task="toy", slots=6, episodes_per_slot=2)
@@ -145,6 +146,26 @@ def test_a_dead_actor_comes_back(pool, records):
     victim = before.pop()
     os.kill(victim, signal.SIGKILL)
     wait_until(lambda: len({info.pid for info in records.workers(RUN)} - {victim}) == 2)
+
+
+GIB = float(2**30)
+
+
+def test_a_share_fits_on_nodes_and_not_only_on_their_sum():
+    three = [Node(1.0, GIB)] * 3
+    assert [share_of_core(three, actors) for actors in (1, 3)] == [1.0, 1.0]
+    # 3 cores / 4 actors = 0.75, of which one fits on each node: three. Halves: two on each, six.
+    assert share_of_core(three, 4) == 0.5
+    assert share_of_core(three, 7) == 0.3333
+    # 1.5 cores hold one whole actor, or three halves.
+    assert [places([Node(1.5, GIB)], per_core) for per_core in (1, 2)] == [1, 3]
+
+
+def test_memory_and_cores_bound_how_many_fit():
+    assert places([Node(1.0, GIB)], ACTORS_PER_CORE) == 6  # 1024 MiB / 150 MiB
+    assert places([Node(1.0, GIB), Node(0.0, 8 * GIB)], ACTORS_PER_CORE) == 6  # no cores, no actors
+    assert places([Node(1.0, 100 * GIB)], ACTORS_PER_CORE) == 64
+    assert places([], ACTORS_PER_CORE) == 0
 
 
 def test_actors_outnumber_cores_by_fractions_of_one(pool):

@@ -48,15 +48,15 @@ def test_older_learner_changes_nothing(run: Run, write: str) -> None:
 
 def test_token_taken_between_watch_and_exec(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     older = run.learner()
-    reads = learner_bus.open_items
+    reads = learner_bus.work_entries
 
     def taken_over_meanwhile(client: Any, keys: Any) -> Any:
-        monkeypatch.setattr(learner_bus, "open_items", reads)
+        monkeypatch.setattr(learner_bus, "work_entries", reads)
         items = reads(client, keys)
         run.learner()
         return items
 
-    monkeypatch.setattr(learner_bus, "open_items", taken_over_meanwhile)
+    monkeypatch.setattr(learner_bus, "work_entries", taken_over_meanwhile)
     with pytest.raises(StaleTokenError):
         older.open_round(0, toy_snapshot(0), range(8))
     assert run.open_slots() == []
@@ -65,7 +65,7 @@ def test_token_taken_between_watch_and_exec(run: Run, monkeypatch: pytest.Monkey
 
 def test_disturbed_transaction_is_repeated(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     learner = run.learner()
-    reads = learner_bus.open_items
+    reads = learner_bus.work_entries
     calls = []
 
     def disturbed(client: Any, keys: Any) -> Any:
@@ -75,7 +75,7 @@ def test_disturbed_transaction_is_repeated(run: Run, monkeypatch: pytest.MonkeyP
             run.client.xadd(keys.work, {"item": "not one"})
         return items
 
-    monkeypatch.setattr(learner_bus, "open_items", disturbed)
+    monkeypatch.setattr(learner_bus, "work_entries", disturbed)
     learner.open_round(0, toy_snapshot(0), range(8))
     assert len(calls) == 2
     assert run.open_slots() == list(range(8))

@@ -10,6 +10,7 @@ from bus_setup import Run, deliver, encoded, gather, some_metrics, some_trajecto
 
 from taskschema.bus import heartbeat, learner_bus
 from taskschema.bus.connection import connect
+from taskschema.bus.work_stream import open_count
 from taskschema.bus.worker_bus import MOST_SLOTS, WorkerBus
 from taskschema.errors import BusError, ConfigError, QuarantineLimitError, UnknownNameError
 from taskschema.trajectory import encode_slot
@@ -40,6 +41,50 @@ def test_worker_gets_the_policy_that_its_slots_ask_for(run: Run) -> None:
         leases = worker.lease(1)
         assert worker.policy(leases[0]).sha256 == toy_snapshot(round_index).sha256
         worker.submit([(lease, some_trajectories(lease.item.slot, round_index)) for lease in leases])
+
+
+def test_delivered_work_stays_until_a_checkpoint_covers_it(run: Run) -> None:
+    learner, worker = run.learner(), run.worker()
+    learner.open_round(0, toy_snapshot(), range(8))
+    leases = worker.lease(1)
+    worker.submit([(lease, some_trajectories(lease.item.slot)) for lease in leases[:3]])
+    assert run.client.xlen(run.keys.work) == 8, "an agent removes nothing"
+    assert run.open_slots() == [3, 4, 5, 6, 7]
+    assert open_count(run.client, run.keys) == 5
+    worker.submit([(lease, some_trajectories(lease.item.slot)) for lease in leases[3:]])
+    assert open_count(run.client, run.keys) == 0
+    assert len(gather(learner, 8)) == 8
+    learner.trim(0)
+    assert run.client.xlen(run.keys.work) == 0
+    learner.open_round(1, toy_snapshot(1), range(5))
+    assert open_count(run.client, run.keys) == 5
+
+
+def test_open_slots_are_counted_whoever_holds_them(run: Run) -> None:
+    learner, first, second = run.learner(), run.worker("first"), run.worker("second")
+    learner.open_round(0, toy_snapshot(), range(8))
+    leases = first.lease(1)
+    assert (len(leases), open_count(run.client, run.keys)) == (4, 8)
+    first.submit([(leases[0], some_trajectories(leases[0].item.slot))])
+    assert open_count(run.client, run.keys) == 7
+    assert len(second.lease(1)) == 4, "ceil(7 open slots / 2 agents)"
+    second.leave()
+    assert open_count(run.client, run.keys) == 7
+    assert run.open_slots() == [1, 2, 3, 4, 5, 6, 7]
+
+
+def test_what_dead_workers_leave_in_the_group_goes(run: Run) -> None:
+    learner, worker = run.learner(), run.worker("living")
+    for name in ("gone", "busy"):
+        run.client.xgroup_createconsumer(run.keys.work, "agents", name)
+    learner.open_round(0, toy_snapshot(), range(8))
+    deliver(worker)
+    gather(learner, 8)
+    learner.open_round(1, toy_snapshot(1), range(8))
+    run.client.xreadgroup("agents", "busy", {run.keys.work: ">"}, count=1)
+    learner.trim(0)
+    consumers = {item["name"] for item in run.client.xinfo_consumers(run.keys.work, "agents")}
+    assert consumers == {b"living", b"busy"}, "what still holds a lease keeps it"
 
 
 def test_two_workers_share_a_round(run: Run) -> None:
@@ -160,7 +205,7 @@ def test_stale_work_is_not_run(run: Run) -> None:
     learner.open_round(0, toy_snapshot(0), range(8))
     run.records.write_policy(run.name, toy_snapshot(1))
     assert worker.lease(1) == []
-    assert run.client.xlen(run.keys.work) == 0
+    assert run.open_slots() == []
 
 
 def test_late_results_of_earlier_rounds_are_dropped_silently(run: Run) -> None:
@@ -254,14 +299,14 @@ def test_result_that_arrives_while_the_learner_looks_for_lost_slots(
     monkeypatch.setattr(learner_bus, "QUIET_SECONDS", 0.05)
     learner, worker = run.learner(), run.worker()
     learner.open_round(0, toy_snapshot(), range(8))
-    look = learner_bus.open_items
+    look = learner_bus.work_entries
     arrivals: list[int] = []
 
     def arriving_meanwhile(client: Any, keys: Any) -> Any:
         arrivals.extend(deliver(worker))
         return look(client, keys)
 
-    monkeypatch.setattr(learner_bus, "open_items", arriving_meanwhile)
+    monkeypatch.setattr(learner_bus, "work_entries", arriving_meanwhile)
     assert len(gather(learner, 8)) == 8
     assert arrivals == list(range(8))
     assert run.open_slots() == []

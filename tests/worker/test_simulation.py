@@ -6,10 +6,11 @@ import pytest
 
 from taskschema.kinematics.rotation import matrix_to_quaternion, same_hemisphere
 from taskschema.kinematics.sawyer import sawyer, sawyer_pair
+from taskschema.scene import TIMESTEP
 from taskschema.skills.pairs import ARMS
 from taskschema.tasks.lateral_lifting import LateralLifting
 from taskschema_worker.scene_environment import SceneEnvironment
-from taskschema_worker.scenes import TIMESTEP, scene_model
+from taskschema_worker.scenes import scene_model
 from taskschema_worker.simulation import Simulation
 
 TASK = LateralLifting()

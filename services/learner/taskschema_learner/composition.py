@@ -16,8 +16,10 @@ from taskschema.bus.records import RunRecords
 from taskschema.bus.worker_bus import WorkerBus
 from taskschema.config import RunConfig
 from taskschema.errors import ConfigError, RunFolderError
+from taskschema.logs import bind
 from taskschema.tasks.registry import task_of
 from taskschema_learner.api.process import ApiProcess
+from taskschema_learner.api.transport import Tls
 from taskschema_learner.embedded_redis import EmbeddedRedis
 from taskschema_learner.learner import Learner
 from taskschema_learner.progress import Limits
@@ -27,6 +29,11 @@ from taskschema_learner.training import Parts, TrainingContext, TrainingObserver
 from taskschema_learner.worker_pool import WorkerPool
 
 log = logging.getLogger("taskschema.learner")
+
+WORKER_REDIS_VARIABLE = "TASKSCHEMA_WORKER_REDIS_URL"
+"""Environment variable with the Redis URL that actors use: a user with fewer rights. Unset: the learner's."""
+API_REDIS_VARIABLE = "TASKSCHEMA_API_REDIS_URL"
+"""Environment variable with the Redis URL that the API uses, of a user with fewer rights. Unset: ours."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +53,8 @@ class TrainOptions:
     """Address of a Ray cluster to use; None: a local one."""
     api: str | None = "127.0.0.1:8420"
     """HOST:PORT of the HTTP API; None: no API."""
+    api_tls: Tls | None = None
+    """Its certificate and key; None: no TLS."""
     device: str = "cpu"
     """torch device of the learner."""
 
@@ -63,11 +72,15 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
         stack.enter_context(_stopped_by_signals(stop))
         folder = open_folder(options)
         stack.enter_context(folder.locked())
+        bind(run=folder.name)
         url = options.redis or stack.enter_context(EmbeddedRedis(folder.path / "redis")).url
         records = RunRecords(connect(url))
         records.register_run(folder.name, folder.config)
         records.clear_requests(folder.name)
-        api = stack.enter_context(ApiProcess(url, folder.name, options.api)) if options.api else None
+        api_url = url if options.redis is None else os.environ.get(API_REDIS_VARIABLE, url)
+        api = None
+        if options.api is not None:
+            api = stack.enter_context(ApiProcess(api_url, folder.name, options.api, tls=options.api_tls))
         records.set_api(folder.name, api.url if api else None)
         task = task_of(folder.config)
         learner = Learner(folder.config, task, device=options.device)
@@ -146,7 +159,9 @@ def _start_workers(
         worker = Worker(bus, threads=os.cpu_count() or 1)
         stack.callback(worker.close)
         return lambda: worker.run_once(block_ms=1), 0
-    pool = stack.enter_context(WorkerPool(url, run, target=options.workers, address=options.ray))
+    actors_url = None if options.redis is None else os.environ.get(WORKER_REDIS_VARIABLE)
+    pool = WorkerPool(url, run, options.workers, options.ray, actors_redis_url=actors_url)
+    stack.enter_context(pool)
     return pool.check, pool.size
 
 

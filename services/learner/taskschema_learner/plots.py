@@ -48,7 +48,7 @@ def plot_run(folder: RunFolder, path: Path) -> None:
     rows = _rows(folder)
     names = [f"{item.t}: {item.left}, {item.right}" for item in folder.read_schema().best]
     with_schema = folder.config.policy != "state"  # its pairs come from the network, the logits stay zero
-    figure, axes = _figure(2 if with_schema else 1)
+    figure, axes = new_figure(2 if with_schema else 1)
     episodes = [row.episodes for row in rows]
     axes[0].plot(
         episodes,
@@ -71,7 +71,7 @@ def plot_run(folder: RunFolder, path: Path) -> None:
         axes[1].set_ylim(-0.02, 1.02)
         axes[1].legend(title="step: left arm, right arm (at the end)", fontsize="small", loc="best")
     axes[-1].set_xlabel("episodes")
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def plot_runs(folders: Sequence[RunFolder], path: Path) -> None:
@@ -84,7 +84,7 @@ def plot_runs(folders: Sequence[RunFolder], path: Path) -> None:
 
     """
     curves = [_curve(folder) for folder in folders]
-    figure, (axis,) = _figure(1)
+    figure, (axis,) = new_figure(1)
     last = max(float(curve.episodes[-1]) for curve in curves)
     for number, label in enumerate(sorted({curve.label for curve in curves})):
         members = [curve for curve in curves if curve.label == label]
@@ -97,7 +97,7 @@ def plot_runs(folders: Sequence[RunFolder], path: Path) -> None:
     _success_axis(axis, "")
     axis.set_ylabel("success over the last 100 episodes")
     axis.set_xlabel("episodes")
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def average(curves: Sequence[Curve], last: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -134,14 +134,14 @@ def _rows(folder: RunFolder) -> list[RoundMetrics]:
     return rows
 
 
-def _figure(panels: int) -> "tuple[Figure, list[Axes]]":
-    """Return an empty figure with panels above each other; it needs no display."""
+def new_figure(rows: int, columns: int = 1) -> "tuple[Figure, list[Axes]]":
+    """Return an empty figure and its panels, row by row; it needs no display."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(8, 3.6 * panels), layout="constrained")
+    figure = Figure(figsize=(8 if columns == 1 else 5.5 * columns, 3.6 * rows), layout="constrained")
     FigureCanvasAgg(figure)
-    axes = figure.subplots(panels, 1, sharex=True, squeeze=False)[:, 0]
+    axes = figure.subplots(rows, columns, sharex="col" if columns == 1 else False, squeeze=False).ravel()
     for axis in axes:
         axis.grid(alpha=0.3)
         axis.spines[["top", "right"]].set_visible(False)
@@ -157,7 +157,13 @@ def _success_axis(axis: "Axes", title: str) -> None:
     axis.legend(fontsize="small", loc="best")
 
 
-def _save(figure: "Figure", path: Path) -> None:
+def save_figure(figure: "Figure", path: Path) -> None:
+    """Write a picture.
+
+    Raises:
+        RunFolderError: if it cannot be written.
+
+    """
     try:
         figure.savefig(path, dpi=150)
     except OSError as error:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from importlib import resources
+from importlib.resources.abc import Traversable
 
 import msgspec
 
@@ -52,6 +53,15 @@ def schema_words(schema: Schema) -> str:
     return ", ".join(f"({left}, {right})" for left, right in schema)
 
 
+def has_good_set(task: Task) -> bool:
+    """Whether the task was audited; if not, `good_schemas` knows the paper's alone."""
+    return _good_set_file(task).is_file()
+
+
+def _good_set_file(task: Task) -> Traversable:
+    return resources.files("taskschema") / "data" / "good_schemas" / f"{task.name}.json"
+
+
 def good_schemas(task: Task) -> list[Schema]:
     """Return the schemas that solve the task: the paper's first, then those that the audit found good.
 
@@ -60,7 +70,7 @@ def good_schemas(task: Task) -> list[Schema]:
 
     """
     paper = tuple(task.paper_schema)
-    file = resources.files("taskschema") / "data" / "good_schemas" / f"{task.name}.json"
+    file = _good_set_file(task)
     if not file.is_file():
         return [paper]
     try:

@@ -4,6 +4,8 @@ import logging
 import math
 import threading
 import time
+import uuid
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -11,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 from taskschema.bus.connection import connect
 from taskschema.bus.records import RunRecords
 from taskschema.errors import BusError, RayError
-from taskschema_learner.ray_runtime import RayRuntime
+from taskschema_learner.ray_runtime import Node, RayRuntime
 
 if TYPE_CHECKING:
     from ray import ObjectRef
@@ -39,6 +41,8 @@ CLOSE_SECONDS = 0.8
 class _Actor:
     handle: "ActorHandle[Any]"
     running: "ObjectRef[None]"
+    name: str
+    """Ends the id of its worker."""
     share: float
     """CPUs that Ray reserves for it."""
     retired_at: float | None = None
@@ -50,7 +54,8 @@ class WorkerPool:
 
     actors = min(target, capacity), and the target is the capacity, one actor a core, unless someone set it:
     here, with `taskschema scale N` or with `PUT /workers`. Where actors outnumber cores, each reserves a
-    fraction of one, down to 1/64. An actor whose process dies is restarted by Ray, one whose worker fails
+    fraction of one, down to 1/64. Nodes of the cluster may come and go: the actors of one that was told to
+    stop finish their slots and move. An actor whose process dies is restarted by Ray, one whose worker fails
     by the pool. Use it in `with`; leaving it stops all actors, and Ray if it was started here.
 
     Raises:
@@ -59,9 +64,24 @@ class WorkerPool:
     """
 
     def __init__(
-        self, redis_url: str, run: str, target: int | None = None, address: str | None = None
+        self,
+        redis_url: str,
+        run: str,
+        target: int | None = None,
+        address: str | None = None,
+        actors_redis_url: str | None = None,
     ) -> None:
-        self._redis_url = redis_url
+        """Describe the pool.
+
+        Args:
+            redis_url: Redis of the run.
+            run: the run's name.
+            target: how many actors there are to be from now on; None: leave it as it is.
+            address: an existing Ray cluster; None: a local Ray.
+            actors_redis_url: the same Redis for a user with an actor's rights; None: `redis_url`.
+
+        """
+        self._actors_redis_url = redis_url if actors_redis_url is None else actors_redis_url
         self._run = run
         self._records = RunRecords(connect(redis_url))
         if target is not None:
@@ -99,8 +119,8 @@ class WorkerPool:
     @property
     def capacity(self) -> int:
         """How many actors the cluster can hold at the most, however many are asked for."""
-        cores, memory = self._ray.resources()
-        return max(1, min(int(cores * ACTORS_PER_CORE), int(memory / BYTES_PER_ACTOR)))
+        staying = [node for node in self._ray.nodes() if not node.is_leaving]
+        return max(1, places(staying, ACTORS_PER_CORE))
 
     def check(self) -> None:
         """Return if workers are there, or can be started again.
@@ -125,8 +145,7 @@ class WorkerPool:
         for actor in self._actors:
             actor.handle.stop.remote()
         self._ray.wait([actor.running for actor in self._actors], timeout=CLOSE_SECONDS)
-        for actor in self._actors:
-            self._ray.kill(actor.handle)
+        # Whoever has not left ends with the connection to Ray; killed one by one, each would be reported.
         self._actors.clear()
         self._ray.stop()
 
@@ -153,17 +172,16 @@ class WorkerPool:
     def _reconcile(self) -> None:
         """Drop actors that ended, retire those that are too many or reserve too much, start missing ones."""
         self._ray.check()
+        nodes = self._ray.nodes()
+        staying = [node for node in nodes if not node.is_leaving]
         target = self._records.worker_target(self._run)
-        cores = max(1.0, self._ray.resources()[0])
-        wanted = min(int(cores) if target is None else target, self.capacity)
-        share = 1.0 if wanted <= cores else math.floor(cores / wanted * 1e4) / 1e4
+        cores = max(1, sum(int(node.cpus) for node in staying))
+        capacity = max(1, places(staying, ACTORS_PER_CORE))
+        wanted = min(cores if target is None else target, capacity)
+        share = share_of_core(staying, wanted)
         self._drop_ended()
         before = self.size
-        staying = [actor for actor in self._actors if actor.retired_at is None and actor.share <= share]
-        for actor in self._actors:
-            if actor.retired_at is None and actor not in staying[:wanted]:
-                actor.handle.stop.remote()
-                actor.retired_at = time.monotonic()
+        self._retire(wanted, share, {node.host for node in nodes if node.is_leaving})
         if time.monotonic() >= self._retry_at:
             self._actors += [self._start(share) for _ in range(wanted - self.size)]
         if self.size != before:
@@ -172,12 +190,27 @@ class WorkerPool:
                 self.size,
                 share,
                 target,
-                self.capacity,
+                capacity,
             )
 
+    def _retire(self, wanted: int, share: float, leaving: Collection[str]) -> None:
+        """Let go actors that reserve more than `share` of a core, whose host leaves, or beyond `wanted`."""
+        staying = [actor for actor in self._actors if actor.retired_at is None and actor.share <= share]
+        if leaving or len(staying) > wanted:
+            workers = self._records.workers(self._run)
+            hosts = {info.id.rpartition("-")[2]: info.host for info in workers}
+            staying = [actor for actor in staying if hosts.get(actor.name) not in leaving]
+            # An actor whose node is gone waits for room on another: it goes before one that works.
+            staying.sort(key=lambda actor: actor.name not in hosts)
+        for actor in self._actors:
+            if actor.retired_at is None and actor not in staying[:wanted]:
+                actor.handle.stop.remote()
+                actor.retired_at = time.monotonic()
+
     def _start(self, share: float) -> _Actor:
-        handle = self._ray.start_actor(self._redis_url, self._run, share)
-        return _Actor(handle, handle.run.remote(), share)
+        name = uuid.uuid4().hex[:8]
+        handle = self._ray.start_actor(self._actors_redis_url, self._run, name, share)
+        return _Actor(handle, handle.run.remote(), name, share)
 
     def _drop_ended(self) -> None:
         """Forget actors that left or failed, and kill those that take too long to leave."""
@@ -200,3 +233,14 @@ class WorkerPool:
         self._failures = self._failures + 1 if now - self._retry_at < longest else 1
         self._retry_at = now + min(longest, shortest * 2.0 ** (self._failures - 1))
         log.warning("A worker failed and is replaced in %.0f s: %s", self._retry_at - now, failure)
+
+
+def places(nodes: Sequence[Node], per_core: int) -> int:
+    """Return how many actors fit, at most `per_core` on a core; none spans two nodes."""
+    return sum(min(int(node.cpus * per_core), int(node.memory / BYTES_PER_ACTOR)) for node in nodes)
+
+
+def share_of_core(nodes: Sequence[Node], actors: int) -> float:
+    """Return the part of a core that each of so many actors reserves: 1, or the largest 1/k that fits all."""
+    fitting = (k for k in range(1, ACTORS_PER_CORE + 1) if places(nodes, k) >= actors)
+    return math.floor(1e4 / next(fitting, ACTORS_PER_CORE)) / 1e4

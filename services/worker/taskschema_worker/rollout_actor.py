@@ -1,25 +1,32 @@
 """What Ray places and restarts: a process that runs one rollout worker."""
 
-import logging
 import os
 import socket
 import threading
-import uuid
 
 import psutil
 
 from taskschema.bus.connection import connect
 from taskschema.bus.worker_bus import WorkerBus
+from taskschema.logs import FORMAT_VARIABLE, bind, log_format, log_to_stderr
 from taskschema_worker.worker import Worker
 
 
 class RolloutActor:
-    """One worker in one process; trajectories go to Redis, nothing but its memory travels through Ray."""
+    """One worker in one process; trajectories go to Redis, nothing but its memory travels through Ray.
 
-    def __init__(self, redis_url: str, run: str) -> None:
-        logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s %(levelname)s %(message)s")
+    Args:
+        redis_url: Redis of the run.
+        run: the run's name.
+        name: ends the worker's id, also after a restart elsewhere.
+
+    """
+
+    def __init__(self, redis_url: str, run: str, name: str) -> None:
+        log_to_stderr(log_format(os.environ.get(FORMAT_VARIABLE, "text")))
         self._redis_url = redis_url
         self._run = run
+        self._name = name
         self._stop = threading.Event()
 
     def run(self) -> None:
@@ -29,7 +36,8 @@ class RolloutActor:
             BusError: if Redis refuses, or the run is not there.
 
         """
-        worker_id = f"{socket.gethostname()}-{os.getpid()}-{uuid.uuid4().hex[:6]}"
+        worker_id = f"{socket.gethostname()}-{os.getpid()}-{self._name}"
+        bind(run=self._run, worker=worker_id)
         bus = WorkerBus(connect(self._redis_url), self._run, worker_id)
         Worker(bus).run(self._stop)
 

@@ -1,80 +1,13 @@
-"""The scene: two Sawyers at opposing ends of a table and the task's object, composed as one MJCF model."""
+"""The task's scene, compiled."""
 
 import xml.etree.ElementTree as ET
-from importlib import resources
 
 import mujoco
 
-from taskschema.kinematics.rotation import matrix_to_quaternion
-from taskschema.kinematics.sawyer import sawyer_pair
-from taskschema.skills.pairs import ARMS
+from taskschema.scene import scene_mjcf
 from taskschema.tasks.scene_task import SceneTask
-
-TIMESTEP = 0.008
-"""Physics step [s]."""
-PAD_FRICTION = 0.1
-"""Of pads, links and table: below every object's, whose own then counts (MuJoCo takes the larger)."""
-
-TABLE, OBJECT, LEFT, RIGHT = 1, 2, 4, 8
-"""Collision groups as bits: what may touch what."""
-MASKS: dict[str, tuple[int, int]] = {
-    "table": (TABLE, 0),
-    "object": (OBJECT, TABLE),
-    "left": (LEFT, TABLE | OBJECT | RIGHT),
-    "right": (RIGHT, TABLE | OBJECT),
-}
-"""Contact type and affinity of each group. An arm never touches itself: its skills keep far from that."""
-NAMES = ("name", "joint", "class")
-"""Attributes of an arm's elements that hold names."""
 
 
 def scene_model(task: SceneTask) -> mujoco.MjModel:
     """Compile the task's scene for physics: no visual shapes, static bodies fused."""
     return mujoco.MjModel.from_xml_string(ET.tostring(scene_mjcf(task), encoding="unicode"))
-
-
-def scene_mjcf(task: SceneTask) -> ET.Element:
-    """Return the task's scene as MJCF; joints come in the order left arm, right arm, object."""
-    root = ET.Element("mujoco", {"model": task.name})
-    compiler = {"angle": "radian", "autolimits": "true", "discardvisual": "true", "fusestatic": "true"}
-    root.append(ET.Element("compiler", compiler))
-    option = {"timestep": f"{TIMESTEP:g}", "integrator": "implicitfast", "cone": "pyramidal"}
-    own_model = ET.fromstring(task.object_mjcf.strip())
-    for element in own_model.findall("option"):
-        option |= element.attrib
-    root.append(ET.Element("option", option))
-    sections = {tag: ET.SubElement(root, tag) for tag in ("default", "asset", "worldbody", "actuator")}
-    table = {"name": "table", "type": "plane", "size": "1 1 0.1"}
-    sections["worldbody"].append(ET.Element("geom", table | _contact("table")))
-    arm_text = (resources.files("taskschema") / "data" / "sawyer.xml").read_text()
-    for arm, kinematics in zip(ARMS, sawyer_pair(), strict=True):
-        model = ET.fromstring(arm_text)
-        base = next(model.iter("body"))
-        base.set("pos", _numbers(kinematics.base_position))
-        base.set("quat", _numbers(matrix_to_quaternion(kinematics.base_rotation)))
-        for element in model.iter():
-            element.attrib |= {key: f"{arm}_{element.get(key)}" for key in NAMES if element.get(key)}
-        for geom in base.iter("geom"):
-            geom.attrib |= _contact(arm)
-        _merge(sections, model)
-    for geom in own_model.iter("geom"):
-        contype, conaffinity = MASKS["object"]
-        geom.attrib |= {"contype": str(contype), "conaffinity": str(conaffinity)}
-    _merge(sections, own_model)
-    return root
-
-
-def _contact(group: str) -> dict[str, str]:
-    contype, conaffinity = MASKS[group]
-    friction = f"{PAD_FRICTION:g} 0.005 0.0001"
-    return {"contype": str(contype), "conaffinity": str(conaffinity), "friction": friction}
-
-
-def _merge(sections: dict[str, ET.Element], model: ET.Element) -> None:
-    for tag, section in sections.items():
-        for part in model.findall(tag):
-            section.extend(part)
-
-
-def _numbers(values: object) -> str:
-    return " ".join(repr(float(value)) for value in values)  # type: ignore[attr-defined]

@@ -3,12 +3,12 @@
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from urllib.parse import urlsplit
 
 import redis
 from redis.backoff import EqualJitterBackoff
 from redis.retry import Retry
 
+from taskschema.bus.url import check_tls, without_secrets
 from taskschema.errors import BusError
 
 MINIMUM_VERSION = (6, 2)
@@ -25,19 +25,27 @@ def connect(url: str, *, patience: float = PATIENCE_SECONDS) -> redis.Redis:
     """Connect to a server and check it.
 
     Args:
-        url: `redis://`, `rediss://` or `unix://` URL, with user and password where it needs them.
+        url: `redis://`, `rediss://` (TLS; `?ssl_ca_certs=FILE` names the CA) or `unix://` URL, with user
+            and password where it needs them.
         patience: for about how long a command is tried again once the server has answered [s].
 
     Raises:
         BusError: if there is no server, it refuses, or it is too old.
 
     """
-    with bus_errors(), _client(url, patience=0.0, timeout=ANSWER_SECONDS) as probe:
-        version = str(probe.info("server").get("redis_version", "unknown"))
+    check_tls(url)
+    try:
+        with bus_errors(), _client(url, patience=0.0, timeout=ANSWER_SECONDS) as probe:
+            version = str(probe.info("server").get("redis_version", "unknown"))
+    except TypeError:  # redis-py passes the options of a URL on as they are
+        raise BusError(
+            f"The URL of Redis at {without_secrets(url)} has an option that is not known after its `?`: "
+            "for TLS there are ssl_ca_certs, ssl_certfile and ssl_keyfile."
+        ) from None
     numbers = re.match(r"(\d+)\.(\d+)", version)
     if numbers is None or tuple(map(int, numbers.groups())) < MINIMUM_VERSION:
         needed = ".".join(map(str, MINIMUM_VERSION))
-        raise BusError(f"Redis at {_without_secrets(url)} is version {version}: {needed} or newer is needed.")
+        raise BusError(f"Redis at {without_secrets(url)} is version {version}: {needed} or newer is needed.")
     return _client(url, patience, LONGEST_BLOCK_MS / 1000 + ANSWER_SECONDS)
 
 
@@ -56,14 +64,8 @@ def _client(url: str, patience: float, timeout: float) -> redis.Redis:
         )
     except ValueError as error:
         raise BusError(
-            f"{_without_secrets(url)!r} is no Redis URL ({error}): use redis://USER:PASSWORD@HOST:PORT."
+            f"{without_secrets(url)!r} is no Redis URL ({error}): use redis://USER:PASSWORD@HOST:PORT."
         ) from None
-
-
-def _without_secrets(url: str) -> str:
-    """Return the URL without user and password."""
-    parts = urlsplit(url)
-    return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"
 
 
 @contextmanager
@@ -74,9 +76,12 @@ def bus_errors() -> Iterator[None]:
     except (redis.AuthenticationError, redis.exceptions.NoPermissionError) as error:
         raise BusError(f"Redis refuses ({error}): check user and password in its URL.") from error
     except (redis.ConnectionError, redis.TimeoutError) as error:
-        raise BusError(
-            f"Redis does not answer ({_one_line(error)}): check that it runs and that its URL is right."
-        ) from error
+        reason = _one_line(error)
+        if "CERTIFICATE_VERIFY_FAILED" in reason:
+            advice = "name the CA that signed its certificate with ?ssl_ca_certs=FILE in its URL"
+        else:
+            advice = "check that it runs and that its URL is right"
+        raise BusError(f"Redis does not answer ({reason}): {advice}.") from error
     except redis.RedisError as error:
         raise BusError(f"Redis refuses a command: {_one_line(error)}.") from error
 

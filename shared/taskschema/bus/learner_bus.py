@@ -9,12 +9,21 @@ import redis
 
 from taskschema.bus.admission import Admission, RefusedError, SlotResult
 from taskschema.bus.connection import LONGEST_BLOCK_MS, bus_errors
+from taskschema.bus.counters import LOST
 from taskschema.bus.keys import GROUP, RunKeys
 from taskschema.bus.messages import WorkItem
 from taskschema.bus.quarantine import Quarantine
 from taskschema.bus.records import RunRecords
 from taskschema.bus.run_status import RunState
-from taskschema.bus.work_stream import ITEM, abandoned, ensure_group, open_items
+from taskschema.bus.work_stream import (
+    ITEM,
+    ensure_group,
+    idle_consumers,
+    next_ids,
+    place,
+    silent_agents,
+    work_entries,
+)
 from taskschema.config import RunConfig
 from taskschema.errors import BusError, StaleTokenError
 from taskschema.metrics import RoundMetrics
@@ -144,20 +153,29 @@ class LearnerBus:
 
     @bus_errors()
     def trim(self, round_index: int) -> None:
-        """Remove what a checkpoint after this round covers, and what dead workers said of themselves."""
+        """Remove what a checkpoint after this round covers, and what is left of dead workers."""
         boundary = self._last_read if self._door.round <= round_index else self._boundary
-        milliseconds, sequence = boundary.split(b"-")
+        milliseconds, sequence = place(boundary)
         seconds, _ = self._client.time()
         dead = self._client.zrangebyscore(self._keys.heartbeats, "-inf", seconds - FORGET_WORKERS_SECONDS)
+        entries = work_entries(self._client, self._keys)
+        covered = [
+            entry.entry_id for entry in entries if entry.item is None or entry.item.round <= round_index
+        ]
+        idle = idle_consumers(self._client, self._keys)
 
         def plan(pipe: Any) -> None:  # noqa: ANN401 - a pipeline, which redis-py leaves untyped
             pipe.multi()
-            minid = f"{int(milliseconds)}-{int(sequence) + 1}"
+            minid = f"{milliseconds}-{sequence + 1}"
             pipe.xtrim(self._keys.trajectories, minid=minid, approximate=False)
+            self._withdraw(pipe, covered)
             pipe.delete(self._keys.refusals)
             if dead:
+                pipe.hincrby(self._keys.counters, LOST, len(dead))
                 pipe.zrem(self._keys.heartbeats, *dead)
                 pipe.hdel(self._keys.workers, *dead)
+            for consumer in idle:
+                pipe.xgroup_delconsumer(self._keys.work, GROUP, consumer)
 
         self._fenced(plan)
 
@@ -173,7 +191,7 @@ class LearnerBus:
         for entry_id, fields in entries:
             self._last_read = entry_id
             try:
-                result = self._door.admit(fields, inherited=_place(entry_id) <= _place(self._inherited))
+                result = self._door.admit(fields, inherited=place(entry_id) <= place(self._inherited))
                 if result is not None:
                     self._ready.append(result)
             except RefusedError as error:
@@ -200,30 +218,35 @@ class LearnerBus:
         sha256 = self._door.policy_sha256
 
         def plan(pipe: Any) -> list[int] | None:  # noqa: ANN401 - a pipeline, which redis-py leaves untyped
-            missing = set(self._door.missing)
+            missing = {WorkItem(self._door.round, slot, sha256) for slot in self._door.missing}
             unwanted: list[bytes] = []
-            items = open_items(pipe, self._keys)
-            given_up = abandoned(pipe, self._keys) if items and publish is not None else set()
-            for entry_id, item in items:
-                offered = item is not None and item == WorkItem(self._door.round, item.slot, sha256)
-                if item is not None and offered and item.slot in missing and entry_id not in given_up:
-                    missing.discard(item.slot)
+            entries = work_entries(pipe, self._keys)
+            agents = {entry.agent for entry in entries if entry.agent is not None}
+            silent = silent_agents(pipe, self._keys, agents) if publish is not None else set()
+            for entry in entries:
+                if entry.is_open and entry.item in missing and entry.agent not in silent:
+                    missing.discard(entry.item)
                 else:
-                    unwanted.append(entry_id)
+                    unwanted.append(entry.entry_id)
             if pipe.xrange(self._keys.trajectories, min=b"(" + self._last_read, count=1):
                 return None
+            items = sorted(missing, key=lambda item: item.slot)
+            ids = next_ids(pipe, self._keys, len(items))
             pipe.multi()
             if publish is not None:
                 publish(RunRecords(pipe))
-            if unwanted:
-                pipe.xack(self._keys.work, GROUP, *unwanted)
-                pipe.xdel(self._keys.work, *unwanted)
-            for slot in sorted(missing):
-                item = WorkItem(self._door.round, slot, sha256)
-                pipe.xadd(self._keys.work, {ITEM: msgspec.json.encode(item)})
-            return sorted(missing)
+            self._withdraw(pipe, unwanted)
+            for item, entry_id in zip(items, ids, strict=True):
+                pipe.xadd(self._keys.work, {ITEM: msgspec.json.encode(item)}, id=entry_id)
+            return [item.slot for item in items]
 
-        return self._fenced(plan, self._keys.work)
+        # A delivery shows in the stream of results; that it ends a lease does not show in the work stream.
+        return self._fenced(plan, self._keys.work, self._keys.trajectories)
+
+    def _withdraw(self, pipe: Any, entry_ids: list[bytes]) -> None:  # noqa: ANN401 - a pipeline
+        if entry_ids:
+            pipe.xack(self._keys.work, GROUP, *entry_ids)
+            pipe.xdel(self._keys.work, *entry_ids)
 
     # What everybody may see
 
@@ -253,7 +276,7 @@ class LearnerBus:
     def _write(self, write: Callable[[RunRecords], None], rows: Sequence[RoundMetrics] = ()) -> None:
         def plan(pipe: Any) -> None:  # noqa: ANN401 - a pipeline, which redis-py leaves untyped
             newest = pipe.xrevrange(self._keys.curve, count=1)
-            last_version = _place(newest[0][0])[0] if newest else 0
+            last_version = place(newest[0][0])[0] if newest else 0
             pipe.multi()
             records = RunRecords(pipe)
             write(records)
@@ -262,9 +285,3 @@ class LearnerBus:
                     records.write_metrics(self._run, row)
 
         self._fenced(plan)
-
-
-def _place(entry_id: bytes) -> tuple[int, int]:
-    """Return a stream entry's id in the order of the stream."""
-    first, second = entry_id.split(b"-")
-    return int(first), int(second)

@@ -1,6 +1,8 @@
 """An agent's end of the bus: lease slots, fetch their policy, deliver their trajectories."""
 
 import math
+import time
+from collections import Counter
 from collections.abc import Sequence
 from types import TracebackType
 from typing import Any
@@ -10,12 +12,19 @@ import redis
 
 from taskschema.bus.admission import DATA, HEADER
 from taskschema.bus.connection import LONGEST_BLOCK_MS, bus_errors
+from taskschema.bus.counters import JOINED, LEASE, TAKEN_OVER, observe
 from taskschema.bus.heartbeat import Heartbeat
 from taskschema.bus.keys import GROUP, RunKeys
 from taskschema.bus.lease import Lease
 from taskschema.bus.messages import SlotHeader
 from taskschema.bus.records import RunRecords
-from taskschema.bus.work_stream import ITEM, ensure_group, read_item
+from taskschema.bus.work_stream import (
+    HANDED_BACK,
+    HANDED_BACK_IDLE_MS,
+    ensure_group,
+    open_count,
+    read_item,
+)
 from taskschema.bus.worker_info import ALIVE_SECONDS, AgentKind
 from taskschema.config import PROTOCOL_VERSION, RunConfig
 from taskschema.errors import BusError, ConfigError
@@ -54,7 +63,7 @@ class WorkerBus:
         self._records = RunRecords(client)
         self._config: RunConfig | None = None
         self._heartbeat: Heartbeat | None = None
-        self._held: dict[bytes, Lease] = {}
+        self._held: dict[bytes, float] = {}  # when each entry was leased [s]
         self._snapshot: PolicySnapshot | None = None
 
     def __enter__(self) -> "WorkerBus":
@@ -92,9 +101,10 @@ class WorkerBus:
     def _compare(self, config: RunConfig) -> None:
         with self._client.pipeline(transaction=True) as pipe:
             pipe.hmget(self._keys.config, "protocol", "hash")
-            pipe.set(self._keys.agent_kind, self._kind, nx=True)
+            pipe.setnx(self._keys.agent_kind, self._kind)
             pipe.get(self._keys.agent_kind)
-            (protocol, config_hash), _, kind = pipe.execute()
+            pipe.hincrby(self._keys.leases, JOINED, 1)
+            (protocol, config_hash), _, kind, _ = pipe.execute()
         if int(protocol) != PROTOCOL_VERSION or config_hash.decode() != config.config_hash:
             raise ConfigError(
                 f"Run {self._run!r} was started by another version of taskschema (protocol {int(protocol)}, "
@@ -112,17 +122,12 @@ class WorkerBus:
         if self._heartbeat is None:
             return
         heartbeat, self._heartbeat, self._config = self._heartbeat, None, None
-        held, self._held = self._held, {}
-        try:
-            with self._client.pipeline(transaction=True) as pipe:
-                for lease in held.values():
-                    pipe.xack(self._keys.work, GROUP, lease.entry_id)
-                    pipe.xdel(self._keys.work, lease.entry_id)
-                    pipe.xadd(self._keys.work, {ITEM: msgspec.json.encode(lease.item)})
-                pipe.xgroup_delconsumer(self._keys.work, GROUP, self._worker_id)
-                pipe.execute(raise_on_error=False)  # the stream goes when its run is deleted
-        finally:
-            heartbeat.stop()
+        held, self._held = list(self._held), {}
+        heartbeat.stop()  # first: a beat would renew what is handed back
+        if held:
+            self._client.xclaim(
+                self._keys.work, GROUP, HANDED_BACK, 0, held, idle=HANDED_BACK_IDLE_MS, justid=True
+            )
 
     @bus_errors()
     def lease(self, block_ms: int) -> list[Lease]:
@@ -143,8 +148,7 @@ class WorkerBus:
         leases, worthless = self._sort(entries)
         if worthless:
             self._client.xack(self._keys.work, GROUP, *worthless)
-            self._client.xdel(self._keys.work, *worthless)
-        self._held.update({lease.entry_id: lease for lease in leases})
+        self._held.update(dict.fromkeys((lease.entry_id for lease in leases), time.monotonic()))
         self._beating.hold([lease.entry_id for lease in leases])
         return leases
 
@@ -158,16 +162,15 @@ class WorkerBus:
         """Return how many slots to take at most."""
         config = self.join()
         with self._client.pipeline(transaction=False) as pipe:
+            pipe.hget(self._keys.config, "hash")
             pipe.time()
             pipe.zrange(self._keys.heartbeats, 0, -1, withscores=True)
-            pipe.xlen(self._keys.work)
-            pipe.hget(self._keys.config, "hash")
-            (seconds, _), heartbeats, open_slots, config_hash = pipe.execute()
+            config_hash, (seconds, _), heartbeats = pipe.execute()
         if config_hash is None or config_hash.decode() != config.config_hash:
             raise ConfigError(f"Run {self._run!r} is gone or has another config now: start the agent again.")
         alive: int = sum(seen > seconds - ALIVE_SECONDS for _, seen in heartbeats)
         # An idle agent waits for the next round, whose slots come all at once.
-        expected_slots: int = open_slots or config.slots
+        expected_slots = open_count(self._client, self._keys) or config.slots
         return min(math.ceil(expected_slots / max(alive, 1)), MOST_SLOTS)
 
     def _expired(self, count: int) -> list[tuple[bytes, dict[bytes, bytes]]]:
@@ -180,7 +183,10 @@ class WorkerBus:
                 raise
             ensure_group(self._client, self._keys)  # Redis was emptied; the learner offers its slots again
             return []
-        return [(entry_id, fields) for entry_id, fields in claimed[1] if entry_id is not None]
+        entries = [(entry_id, fields) for entry_id, fields in claimed[1] if entry_id is not None]
+        if entries:
+            self._client.hincrby(self._keys.leases, TAKEN_OVER, len(entries))
+        return entries
 
     def _offered(self, count: int, block_ms: int) -> list[tuple[bytes, dict[bytes, bytes]]]:
         streams = self._client.xreadgroup(
@@ -226,7 +232,9 @@ class WorkerBus:
                     entry = {HEADER: self._header(lease), DATA: encode_slot(trajectories)}
                     pipe.xadd(self._keys.trajectories, entry)
                     pipe.xack(self._keys.work, GROUP, lease.entry_id)
-                    pipe.xdel(self._keys.work, lease.entry_id)
+                for leased_at, count in Counter(self._held.get(lease.entry_id) for lease, _ in part).items():
+                    if leased_at is not None:
+                        observe(pipe, self._keys.leases, LEASE, time.monotonic() - leased_at, count)
                 pipe.execute()
             del results[:SLOTS_PER_TRANSACTION]
             for lease, _ in part:

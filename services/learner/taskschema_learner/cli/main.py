@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from taskschema import __version__
+from taskschema.bus.url import hide_password
 from taskschema.errors import TaskschemaError
 from taskschema_learner.cli import (
     audit,
@@ -13,9 +14,12 @@ from taskschema_learner.cli import (
     curves,
     doctor,
     evaluation,
+    experiment,
+    replay,
     run_facts,
     scale,
     serve,
+    token,
     train,
 )
 
@@ -27,7 +31,20 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for module in (train, serve, evaluation, run_facts, audit, curves, scale, catalogue, doctor):
+for module in (
+    train,
+    serve,
+    evaluation,
+    run_facts,
+    audit,
+    experiment,
+    replay,
+    curves,
+    scale,
+    token,
+    catalogue,
+    doctor,
+):
     module.register(app)
 
 
@@ -42,6 +59,7 @@ def _options(
 
 def main() -> None:
     """Run the command; an error that the user can mend is one line on stderr and exit status 1."""
+    hide_password()
     arguments = sys.argv[1:]
     debug = "--debug" in arguments
     try:

@@ -1,6 +1,6 @@
 """`taskschema train`: learn a task."""
 
-import math
+import os
 import shlex
 import shutil
 from collections.abc import Mapping
@@ -15,9 +15,6 @@ if TYPE_CHECKING:
     from taskschema.config import RunConfig
     from taskschema_learner.composition import TrainOptions
     from taskschema_learner.run_folder import RunFolder
-
-STEPS_PER_SLOT = 10
-"""A slot holds whole episodes of at least this many steps, if none succeeds early (paper: 10)."""
 
 
 def register(app: typer.Typer) -> None:
@@ -35,6 +32,7 @@ def train(
     slots: option.Slots = 50,
     init_schema: option.InitSchema = None,
     freeze_schema: option.FreezeSchema = False,
+    schema_public_key: option.SchemaPublicKey = None,
     settings: option.Settings = None,
     until_success: option.UntilSuccess = 0.9,
     rounds: option.Rounds = None,
@@ -45,6 +43,9 @@ def train(
     ray: option.Ray = None,
     device: option.Device = "cpu",
     api: option.Api = "127.0.0.1:8420",
+    api_tls_cert: option.ApiTlsCert = None,
+    api_tls_key: option.ApiTlsKey = None,
+    log_format: option.LogFormat = "text",
 ) -> None:
     """Learn a task: which skill each arm runs at each step, and with which arguments.
 
@@ -52,6 +53,7 @@ def train(
     --resume goes on.
     """
     from taskschema.errors import ConfigError
+    from taskschema_learner.api.transport import Tls
 
     if ray is not None and redis is None:
         raise ConfigError("--ray needs --redis: a cluster's workers cannot reach the Redis inside this run.")
@@ -66,6 +68,7 @@ def train(
     else:
         config = _new_config(task, task_file)
     config = _with_options(config, given)
+    tls = Tls.of(api_tls_cert, api_tls_key)
 
     # These need torch, which takes seconds to import: what is wrong with the options shows before.
     from taskschema_learner.composition import TrainOptions
@@ -81,8 +84,10 @@ def train(
             redis=redis,
             ray=ray,
             api=None if api == "none" else api,
+            api_tls=tls,
             device=device,
-        )
+        ),
+        log_format,
     )
 
 
@@ -93,18 +98,14 @@ def _new_config(task: str | None, task_file: str | None) -> "RunConfig":
         TaskschemaError: if there is no such task.
 
     """
-    from taskschema.config import RunConfig
     from taskschema.errors import ConfigError
-    from taskschema.tasks.registry import read_task_file, task_of
+    from taskschema.tasks.registry import read_task_file
+    from taskschema_learner.default_config import default_config
 
     if (task is None) == (task_file is None):
         raise ConfigError("Name a TASK (see `taskschema tasks`) or give --task-file FILE:CLASS, one of both.")
     name, source = (task, None) if task_file is None else read_task_file(task_file)
-    config = RunConfig(task=name or "", task_source=source)
-    horizon = task_of(config).horizon
-    return RunConfig(
-        task=name or "", task_source=source, episodes_per_slot=math.ceil(STEPS_PER_SLOT / horizon)
-    )
+    return default_config(name or "", task_source=source)
 
 
 def _run_to_resume(
@@ -154,7 +155,9 @@ def _with_options(config: "RunConfig", given: Mapping[str, Any]) -> "RunConfig":
         changes["task"], changes["task_source"] = read_task_file(given["task_file"])
     schema: dict[str, Any] = {}
     if "init_schema" in given:
-        schema["initial_logits"] = initial_logits(given["init_schema"], config)
+        schema["initial_logits"] = initial_logits(
+            given["init_schema"], config, given.get("schema_public_key")
+        )
     if "freeze_schema" in given:
         schema["frozen"] = given["freeze_schema"]
     changes["schema"] = msgspec.structs.replace(config.schema, **schema)
@@ -168,30 +171,58 @@ def _with_options(config: "RunConfig", given: Mapping[str, Any]) -> "RunConfig":
     return override(changed, assignments)
 
 
-def initial_logits(reference: str, config: "RunConfig") -> tuple[tuple[float, ...], ...]:
-    """Return the logits of a schema file, or of a run."""
+def initial_logits(
+    reference: str, config: "RunConfig", public_key: Path | None = None
+) -> tuple[tuple[float, ...], ...]:
+    """Return the logits of a schema file, or of a run.
+
+    Raises:
+        TaskschemaError: if there is none, it does not fit the task, or the owner of a configured public key
+            did not sign it.
+
+    """
+    from taskschema.errors import SignatureError
     from taskschema.schema import logits_from_document
     from taskschema.tasks.registry import task_of
     from taskschema_learner.cli.run_reference import find_run
-    from taskschema_learner.run_folder import read_schema_file
+    from taskschema_learner.schema_file import read_schema
+    from taskschema_learner.signing import read_public_key
 
     path = Path(reference)
-    document = read_schema_file(path) if path.is_file() else find_run(reference).read_schema()
+    trusted = None if public_key is None else read_public_key(public_key)
+    if path.is_file():
+        document = read_schema(path, trusted)
+    else:
+        folder = find_run(reference)
+        if trusted is not None:
+            raise SignatureError(
+                f"Run {folder.name} is not signed, and a public key is configured: take the file that "
+                f"`taskschema schema {reference} --export FILE` writes."
+            )
+        document = folder.read_schema()
     task = task_of(config)
     return tuple(map(tuple, logits_from_document(document, task.pairs, task.horizon).tolist()))
 
 
-def _run(options: "TrainOptions") -> None:
+def _run(options: "TrainOptions", log_kind: str) -> None:
     from rich.console import Console
 
     from taskschema.errors import TaskschemaError
+    from taskschema.logs import FORMAT_VARIABLE, log_format
     from taskschema_learner.composition import run_training
+    from taskschema_learner.log_observer import LogObserver
     from taskschema_learner.logs import RunLog
     from taskschema_learner.terminal import TerminalObserver
 
+    kind = log_format(log_kind)
+    os.environ[FORMAT_VARIABLE] = kind  # for the workers that are started here
     is_new = not options.run_dir.exists()
     console = Console(highlight=False)
-    observer = TerminalObserver(console, RunLog(console), _resume_command(options), options.config.policy)
+    run_log = RunLog(console, kind)
+    again = _resume_command(options)
+    observer: LogObserver | TerminalObserver = LogObserver(run_log, again)
+    if kind == "text":
+        observer = TerminalObserver(console, run_log, again, options.config.policy)
     try:
         run_training(options, observer)
     except TaskschemaError:

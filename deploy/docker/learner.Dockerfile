@@ -1,0 +1,29 @@
+# The learner, and on top of it the whole command with the simulator (target `embedded`).
+FROM python:3.11.14-slim-bookworm AS learner
+# Where CPU wheels of torch are; empty: the ordinary index, whose wheels bring gigabytes for GPUs along.
+ARG TORCH_INDEX_URL=""
+ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignore PIP_QUIET=1
+COPY deploy/docker/requirements-learner.lock /tmp/
+RUN pip install ${TORCH_INDEX_URL:+--extra-index-url "$TORCH_INDEX_URL"} \
+    --constraint /tmp/requirements-learner.lock torch==2.13.0 \
+ && pip install --no-deps -r /tmp/requirements-learner.lock \
+ && useradd --uid 10001 --no-create-home taskschema \
+ && install -d -o taskschema -g taskschema /runs
+
+COPY deploy/ray/node.sh deploy/docker/learner.sh /opt/taskschema/deploy/
+COPY deploy/docker/taskschema /usr/local/bin/
+COPY shared/taskschema /opt/taskschema/taskschema
+COPY services/worker/taskschema_worker /opt/taskschema/taskschema_worker
+COPY services/learner/taskschema_learner /opt/taskschema/taskschema_learner
+RUN python -m compileall -q /opt/taskschema
+ENV PYTHONPATH=/opt/taskschema PYTHONUNBUFFERED=1 HOME=/tmp
+USER 10001:10001
+WORKDIR /
+CMD ["/opt/taskschema/deploy/learner.sh"]
+
+FROM learner AS embedded
+USER root
+COPY deploy/docker/requirements-worker.lock /tmp/
+RUN pip install --no-deps -r /tmp/requirements-worker.lock
+USER 10001:10001
+CMD ["taskschema", "--help"]

@@ -1,0 +1,65 @@
+"""A cell of an experiment's matrix, and what came out of it."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import msgspec
+
+from taskschema.config import PolicyKind
+from taskschema.tasks.task import Schema
+from taskschema_learner.schema_report import SchemaVerdict
+
+CellState = Literal["solved", "not solved", "interrupted"]
+"""Reached 90 %; spent its budget without that; neither yet: the next start goes on with it."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One training of the matrix."""
+
+    task: str
+    policy: PolicyKind
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """Name of its run and of its files."""
+        return f"{self.task}-{self.policy}-seed{self.seed}"
+
+
+class CellResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Facts about one cell, as far as it has come."""
+
+    task: str
+    policy: PolicyKind
+    seed: int
+    state: CellState
+    episodes: int
+    """Episodes so far; of a solved cell: the episodes to 90 %."""
+    rounds: int
+    budget: int
+    """Episodes after which the cell gives up."""
+    minutes: float
+    """Wall time of its rounds [min]."""
+    success_last_100: float
+    """Share of successes among its last 100 episodes."""
+    schema: Schema | None = None
+    """The most probable pair of every used step; None: the `state` policy has no schema."""
+    verdict: SchemaVerdict | None = None
+    """The schema beside the paper's."""
+    config_hash: str
+    """Of the run's config."""
+    sha256: str
+    """Of the policy at the end: `taskschema hash RUN`."""
+    commit: str
+    """Commit of the source tree, if it was trained from one."""
+
+    @property
+    def cell(self) -> Cell:
+        """The cell that this is about."""
+        return Cell(self.task, self.policy, self.seed)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing is left to do, unless the budget grows."""
+        return self.state != "interrupted"

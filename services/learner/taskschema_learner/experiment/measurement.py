@@ -1,0 +1,72 @@
+"""What a cell's run folder says: its result, and its learning curve thinned to a small table."""
+
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from taskschema.metrics import RoundMetrics
+from taskschema.tasks.registry import task_of
+from taskschema_learner.experiment.cell import Cell, CellResult, CellState
+from taskschema_learner.plots import TARGET
+from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.schema_report import compare
+
+CURVE_ROWS = 300
+"""Most rows of a cell's table."""
+
+
+def measure(folder: RunFolder, cell: Cell, budget: int) -> CellResult | None:
+    """Return a cell's result so far; None before its first round.
+
+    Raises:
+        TaskschemaError: if the run's files are damaged.
+
+    """
+    rows = folder.read_metrics()
+    if not rows:
+        return None
+    last = rows[-1]
+    state: CellState = "interrupted"
+    if last.success_last_100 >= TARGET:
+        state = "solved"
+    elif last.episodes >= budget:
+        state = "not solved"
+    comparison = None
+    if cell.policy != "state":
+        comparison = compare(task_of(folder.config), folder.read_schema().best)
+    seconds = sum(row.seconds_collect + row.seconds_update + row.seconds_checkpoint for row in rows)
+    return CellResult(
+        task=cell.task,
+        policy=cell.policy,
+        seed=cell.seed,
+        state=state,
+        episodes=last.episodes,
+        rounds=last.policy_version,
+        budget=budget,
+        minutes=round(seconds / 60, 2),
+        success_last_100=last.success_last_100,
+        schema=None if comparison is None else comparison.found,
+        verdict=None if comparison is None else comparison.verdict,
+        config_hash=folder.config.config_hash,
+        sha256=last.sha256,
+        commit=source_commit(),
+    )
+
+
+def thinned_curve(rows: Sequence[RoundMetrics]) -> list[tuple[int, float]]:
+    """Return (episodes, success over the last 100) of evenly spread rounds, the last one among them."""
+    if not rows:
+        return []
+    chosen = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), CURVE_ROWS)).round().astype(int))
+    return [(rows[index].episodes, rows[index].success_last_100) for index in chosen]
+
+
+def source_commit() -> str:
+    """Return the short commit of the source tree that runs, `+` behind it if files differ; else nothing."""
+    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty=+", "--exclude=*"]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=30).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
+        return ""

@@ -1,0 +1,124 @@
+"""An experiment's summary as a page: episodes to 90 %, and what every cell found."""
+
+from collections.abc import Sequence
+from statistics import median
+
+from taskschema.tasks.registry import get_task
+from taskschema_learner.experiment.cell import CellResult
+from taskschema_learner.experiment.results_folder import Summary
+from taskschema_learner.schema_report import SchemaVerdict, has_good_set, schema_words
+
+POLICIES = ("schema", "state", "oracle")
+
+
+def report(summary: Summary) -> str:
+    """Return the page in Markdown.
+
+    Raises:
+        TaskschemaError: if a cell's task is not there any more.
+
+    """
+    versions = ", ".join(f"{name} {version}" for name, version in summary.versions.items())
+    lines = [
+        f"# {summary.experiment}: success rate against episodes",
+        "",
+        *(f"    {command}" for command in summary.commands),
+        "",
+        f"On {'; '.join(summary.machines)}. Versions: {versions}.",
+        "Every cell is `taskschema train TASK --policy POLICY --seed SEED` with the defaults, until 90 % of",
+        "the last 100 episodes succeed or its budget is spent. `summary.json` holds all of this for a",
+        "program, `cells/` the curves; `taskschema plot` draws them.",
+        "",
+        "![learning curves](figure.png)",
+        "",
+        *_episodes_table(summary.cells),
+        *_schema_table(summary.cells),
+        *_cell_table(summary.cells),
+    ]
+    return "\n".join(lines)
+
+
+def _tasks(cells: Sequence[CellResult]) -> list[str]:
+    return list(dict.fromkeys(result.task for result in cells))
+
+
+def _group(cells: Sequence[CellResult], task: str, policy: str) -> dict[int, CellResult]:
+    return {result.seed: result for result in cells if (result.task, result.policy) == (task, policy)}
+
+
+def _episodes_table(cells: Sequence[CellResult]) -> list[str]:
+    seeds = sorted({result.seed for result in cells})
+    heads = ["task", "policy", *(f"seed {seed}" for seed in seeds), "median", "times `schema`"]
+    lines = ["## Episodes to 90 %", "", f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
+    for task in _tasks(cells):
+        reference = _median(_group(cells, task, "schema"))
+        for policy in POLICIES:
+            group = _group(cells, task, policy)
+            if group:
+                own = _median(group)
+                words = [_episodes(group.get(seed)) for seed in seeds]
+                words += ["-" if own is None else _bounded(*own), _ratio(own, reference)]
+                lines.append(f"| {task} | {policy} | {' | '.join(words)} |")
+    note = "`> N`: not within its budget of N episodes; `N so far`: interrupted there; -: not trained yet."
+    return [*lines, "", note, ""]
+
+
+def _episodes(result: CellResult | None) -> str:
+    if result is None:
+        return "-"
+    if result.state == "interrupted":
+        return f"{result.episodes:,} so far"
+    return _bounded(result.episodes, result.state == "solved")
+
+
+def _median(group: dict[int, CellResult]) -> tuple[float, bool] | None:
+    """Return the median of a group's finished cells, and whether it is one: else the true one is larger.
+
+    A cell that was not solved counts as larger than every one that was.
+    """
+    over = sorted((item.state != "solved", item.episodes) for item in group.values() if item.is_over)
+    if not over:
+        return None
+    middle = over[(len(over) - 1) // 2 : len(over) // 2 + 1]
+    return median(episodes for _, episodes in middle), not any(unsolved for unsolved, _ in middle)
+
+
+def _bounded(episodes: float, exact: bool) -> str:
+    return f"{episodes:,.0f}" if exact else f"> {episodes:,.0f}"
+
+
+def _ratio(own: tuple[float, bool] | None, reference: tuple[float, bool] | None) -> str:
+    if own is None or reference is None or not reference[1]:
+        return "-"
+    return f"{'' if own[1] else 'more than '}{own[0] / reference[0]:.2g}"
+
+
+def _schema_table(cells: Sequence[CellResult]) -> list[str]:
+    heads = ["task", "the paper's schema", "solved", *SchemaVerdict]
+    lines = ["## The schema that `schema` found", "", f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
+    for task_name in _tasks(cells):
+        task = get_task(task_name)
+        over = [result for result in _group(cells, task_name, "schema").values() if result.is_over]
+        solved = [result for result in over if result.state == "solved"]
+        counts = [sum(result.verdict == verdict for result in solved) for verdict in SchemaVerdict]
+        numbers = [f"{len(solved)} of {len(over)}", *map(str, counts)]
+        name = task_name if has_good_set(task) else f"{task_name} (1)"
+        lines.append(f"| {name} | {schema_words(task.paper_schema)} | {' | '.join(numbers)} |")
+    note = "Verdicts of solved cells. Equivalent: another member of the audit's good set."
+    if not all(has_good_set(get_task(name)) for name in _tasks(cells)):
+        note += " (1): no audit yet, so that whatever is not equal counts as different."
+    return [*lines, "", note, ""]
+
+
+def _cell_table(cells: Sequence[CellResult]) -> list[str]:
+    heads = ("task", "policy", "seed", "state", "episodes", "budget", "minutes", "last 100", "schema", "is")
+    lines = ["## Cells", "", f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
+    for result in cells:
+        schema = "-" if result.schema is None else schema_words(result.schema)
+        verdict = "given" if result.policy == "oracle" else result.verdict or "-"
+        lines.append(
+            f"| {result.task} | {result.policy} | {result.seed} | {result.state} | {result.episodes:,} "
+            f"| {result.budget:,} | {result.minutes:.1f} | {result.success_last_100:.0%} | {schema} "
+            f"| {verdict} |"
+        )
+    return [*lines, ""]

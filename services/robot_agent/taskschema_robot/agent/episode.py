@@ -1,0 +1,164 @@
+"""One episode on the robot: reset, up to T steps through the gate, outcome, home."""
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from taskschema.arrays import FloatArray
+from taskschema.kinematics.sawyer import rethink_gripper
+from taskschema.policies import Policy
+from taskschema.randomness import EpisodeKey, Purpose, generator
+from taskschema.tasks.scene_observation import observe
+from taskschema.tasks.scene_task import SceneTask
+from taskschema.trajectory import Trajectory
+from taskschema_robot.agent.skill_step import StepPlanner
+from taskschema_robot.agent.world import EpisodeDroppedError, World
+from taskschema_robot.clock import Clock
+from taskschema_robot.reward.judge import Judgement, Outcome
+from taskschema_robot.safety.gated_arms import GatedArms
+from taskschema_robot.safety.homing import return_home
+from taskschema_robot.safety.limits import SafetyLimits
+from taskschema_robot.safety.motion import Motion
+from taskschema_robot.safety.refusal import Refusal
+
+log = logging.getLogger("taskschema.robot")
+
+Preview = Callable[[Motion, Refusal | None, str], None]
+"""Shown every plan before it is made; raises EpisodeDroppedError if a person does not want it."""
+
+
+@dataclass
+class EpisodeRecord:
+    """What an episode was, for logs and progress."""
+
+    skills: list[tuple[str, str]] = field(default_factory=list)
+    """Of each step."""
+    refusals: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+    """From reset to home, on the robot's clock."""
+    outcome: str = ""
+    reason: str = ""
+
+
+class EpisodeRunner:
+    """Runs episodes on both arms.
+
+    Args:
+        task: whose episodes they are.
+        size: [3] of the object [m].
+        arms: behind the gate: nothing here can move them otherwise.
+        world: the object.
+        clock: the agent's.
+        limits: the gate's.
+        preview: told about every plan.
+
+    """
+
+    def __init__(
+        self,
+        task: SceneTask,
+        size: FloatArray,
+        arms: GatedArms,
+        world: World,
+        clock: Clock,
+        limits: SafetyLimits,
+        preview: Preview | None = None,
+    ) -> None:
+        self._task = task
+        self._size = size
+        self._arms = arms
+        self._world = world
+        self._clock = clock
+        self._limits = limits
+        self._preview = preview
+        self._planner = StepPlanner(task, size, limits.period, limits.speed_ratio)
+
+    def run(self, key: EpisodeKey, policy: Policy) -> tuple[Trajectory, EpisodeRecord]:
+        """Run the episode of a key and return what is streamed, and what happened.
+
+        Raises:
+            FaultError: if a fault stopped the arms: the episode does not count.
+            EpisodeDroppedError: if its start or its outcome is unknown.
+
+        """
+        record, began = EpisodeRecord(), self._clock.now()
+        self.go_home()
+        start = self._world.reset(self._task.draw_instance(generator(key, Purpose.RESET)))
+        observations, pairs, raws = [], [], []
+        judgement = Judgement(Outcome.FAILURE, "nothing has been done yet")
+        for step in range(self._task.horizon):
+            pose = self._pose()
+            observation = self._observe(pose, step)
+            actions = policy.act(observation, step, [generator(key, Purpose.ACTION, step)])
+            self._make(int(actions.pairs[0]), actions.arguments[0], pose, record)
+            observations.append(observation[0])
+            pairs.append(int(actions.pairs[0]))
+            raws.append(actions.raw[0])
+            judgement = self._world.judge(start)
+            if judgement.outcome is Outcome.SUCCESS:
+                break
+        self.go_home()
+        if judgement.outcome is Outcome.UNKNOWN:
+            judgement = self._world.last_look(start)
+        if judgement.outcome is Outcome.UNKNOWN:
+            raise EpisodeDroppedError(f"The outcome is unknown: {judgement.reason}.")
+        record.seconds = self._clock.now() - began
+        record.outcome, record.reason = str(judgement.outcome), judgement.reason
+        trajectory = Trajectory(
+            round=key.round,
+            slot=key.slot,
+            episode=key.episode,
+            observations=np.stack(observations),
+            pairs=np.array(pairs, dtype=np.int64),
+            arguments=np.stack(raws),
+            success=judgement.outcome is Outcome.SUCCESS,
+            attempt=key.attempt,
+        )
+        return trajectory, record
+
+    def go_home(self, *, recovering: bool = False) -> None:
+        """Open the hands and bring the arms home; slowly, along a checked way, after a fault."""
+        limits = self._limits
+        return_home(
+            self._arms,
+            self._task.home_joints,
+            np.full(2, rethink_gripper().open),
+            period=limits.period,
+            speed_ratio=limits.recovery_speed_ratio if recovering else limits.speed_ratio,
+            recovering=recovering,
+        )
+        self._planner.reset()
+
+    def _make(self, pair: int, arguments: FloatArray, pose: FloatArray, record: EpisodeRecord) -> None:
+        """Make one step, or note why it is refused: the arms stay then, and the step counts."""
+        names = self._task.pairs.pairs[pair]
+        motion = self._planner.plan(pair, arguments, self._arms.states(), pose)
+        if self._preview is not None:
+            self._preview(motion, self._arms.check(motion), ", ".join(names))
+        refusal = self._arms.execute(motion)
+        record.skills.append(names)
+        if refusal is not None:
+            record.refusals.append(refusal.reason)
+            return
+        self._planner.done(pair, motion)
+
+    def _pose(self) -> FloatArray:
+        pose = self._world.object_pose()
+        if pose is None:
+            raise EpisodeDroppedError("The object's place is unknown, and the policy needs it.")
+        return pose
+
+    def _observe(self, pose: FloatArray, step: int) -> FloatArray:
+        """Return the observation [1, D] in the very float32 values that are streamed."""
+        states = self._arms.states()
+        observation = observe(
+            self._task.geometry,
+            np.stack([state.positions for state in states])[None],
+            np.stack([state.velocities for state in states])[None],
+            pose[None],
+            self._size[None],
+            np.array([step]),
+        )
+        return observation.astype(np.float32)

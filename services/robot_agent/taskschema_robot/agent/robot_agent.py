@@ -1,0 +1,139 @@
+"""The agent's loop: lease a slot, run its episode, keep it, deliver it."""
+
+import dataclasses
+import logging
+import threading
+from pathlib import Path
+
+from taskschema.bus.lease import Lease
+from taskschema.bus.messages import WorkItem
+from taskschema.bus.records import RunRecords
+from taskschema.bus.worker_bus import WorkerBus
+from taskschema.errors import BusError, ConfigError
+from taskschema.policies import Policy
+from taskschema.randomness import EpisodeKey
+from taskschema.tasks.scene_task import SceneTask
+from taskschema.trajectory import Trajectory, TrajectoryFormat
+from taskschema_robot.agent.acknowledging import AcknowledgedArms
+from taskschema_robot.agent.episode import EpisodeRecord, EpisodeRunner
+from taskschema_robot.agent.episode_log import EpisodeLog
+from taskschema_robot.agent.operator import Operator
+from taskschema_robot.agent.progress import Progress
+from taskschema_robot.agent.world import EpisodeDroppedError
+from taskschema_robot.safety.fault import FaultError
+
+log = logging.getLogger("taskschema.robot")
+
+LEASE_SECONDS = 6 * 3600.0
+"""A robot's slot stays its own for hours: nobody else can run it."""
+BLOCK_MS = 1_000
+RETRY_SECONDS = 1.0
+MOST_ATTEMPTS = 20
+"""An episode that is dropped so often stops the agent: something is wrong with more than the episode."""
+
+
+class RobotAgent:
+    """Serves one run with both arms.
+
+    Args:
+        bus: the agent's end, of kind `robot`.
+        records: of the same Redis.
+        run: name of the run.
+        task: of the run.
+        runner: of episodes.
+        arms: for a person's acknowledgements.
+        operator: that person.
+        folder: of the agent's own log and progress.
+
+    """
+
+    def __init__(
+        self,
+        bus: WorkerBus,
+        records: RunRecords,
+        run: str,
+        task: SceneTask,
+        runner: EpisodeRunner,
+        arms: AcknowledgedArms,
+        operator: Operator,
+        folder: Path,
+    ) -> None:
+        self._bus, self._records, self._run = bus, records, run
+        self._task, self._runner, self._arms, self._operator = task, runner, arms, operator
+        self._config = bus.join()
+        if self._config.episodes_per_slot != 1:
+            raise ConfigError("A robot runs one episode a slot: start the run with `--agent robot`.")
+        self._log = EpisodeLog(folder / "episodes", TrajectoryFormat.of(task, 1))
+        self.progress = Progress(folder / "episodes.csv")
+
+    def run(self, stop: threading.Event) -> None:
+        """Serve the run until told to stop or it is over; waits for a Redis that is away."""
+        while not stop.is_set():
+            try:
+                status = self._records.status(self._run)
+                self._log.forget(status.version)
+                if status.state in ("finished", "stopped", "failed"):
+                    log.info("The run is %s", status.state)
+                    return
+                for lease in self._bus.lease(BLOCK_MS):
+                    if stop.is_set():
+                        return
+                    self._serve(lease)
+            except BusError as error:
+                log.warning("%s Trying again; what was done is kept.", error)
+                stop.wait(RETRY_SECONDS)
+
+    def _serve(self, lease: Lease) -> None:
+        """Deliver a slot: as it was kept, or by running its episode."""
+        trajectories = self._log.find(lease.item)
+        if trajectories is None:
+            policy = Policy(self._bus.policy(lease), self._task.pairs, self._task.observation)
+            trajectories = [self._perform(lease.item, policy)]
+            self._log.keep(lease.item, trajectories)
+        self._bus.submit([(lease, trajectories)])
+
+    def _perform(self, item: WorkItem, policy: Policy) -> Trajectory:
+        """Run a slot's episode until one attempt counts; a dropped one is never a failure."""
+        attempt = self._log.attempts(item)
+        while attempt < MOST_ATTEMPTS:
+            key = EpisodeKey(self._config.seed, item.round, item.slot, episode=0, attempt=attempt)
+            self._operator.begin(self.progress, f"round {item.round}, slot {item.slot}")
+            try:
+                trajectory, record = self._runner.run(key, policy)
+                trajectory = self._reviewed(trajectory, record)
+            except FaultError as error:
+                attempt = self._log.drop(item)
+                self._operator.dropped(str(error))
+                self._recover(error)
+            except EpisodeDroppedError as error:
+                attempt = self._log.drop(item)
+                self._operator.dropped(str(error))
+            else:
+                self.progress.add(item.round, item.slot, attempt, trajectory.success, record)
+                return trajectory
+        raise EpisodeDroppedError(
+            f"The episode of round {item.round}, slot {item.slot} was dropped {attempt} times: see the log, "
+            "mend what it says, and start the agent again."
+        )
+
+    def _recover(self, error: FaultError) -> None:
+        """Wait for a person's acknowledgement, then bring the arms home slowly; again if that fails, too."""
+        fault = error.fault
+        while True:
+            try:
+                self._arms.acknowledge(self._operator.acknowledge(fault))
+                self._runner.go_home(recovering=True)
+                return
+            except FaultError as another:
+                fault = another.fault
+
+    def _reviewed(self, trajectory: Trajectory, record: EpisodeRecord) -> Trajectory:
+        """Return the trajectory with the outcome that a person lets stand."""
+        success = self._operator.review(record)
+        if success is None:
+            raise EpisodeDroppedError("A person dropped it.")
+        if success == trajectory.success:
+            return trajectory
+        if not success and len(trajectory) < self._task.horizon:
+            raise EpisodeDroppedError("It ended early as a success that it was not.")
+        return dataclasses.replace(trajectory, success=success)

@@ -1,0 +1,113 @@
+"""One step on the robot: the skills' own plans, as a motion for the gate."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from taskschema.arrays import FloatArray
+from taskschema.kinematics.rotation import rotate
+from taskschema.kinematics.sawyer import rethink_gripper, sawyer_pair, sawyers
+from taskschema.motion import PlanningContext
+from taskschema.skills.skill import Skill
+from taskschema.tasks.scene_task import SceneTask
+from taskschema_robot.drivers.driver import ArmState
+from taskschema_robot.safety.motion import HeldObject, Motion
+
+ENDS_AT_POINT = ("top_grasp", "side_grasp", "go_to_pose")
+"""Skills whose arguments x and y are where the hand ends, from the object's centre."""
+HOLDS = 0.004
+"""A gripper that was closed and stays further open than this holds something [m]."""
+
+
+@dataclass
+class HandState:
+    """What an arm was last told: a skill starts from there where the arm may be pressing."""
+
+    opening: FloatArray = field(default_factory=lambda: np.full(2, rethink_gripper().open))
+    """[2] gripper set-points [m]."""
+    joints: FloatArray = field(default_factory=lambda: np.zeros((2, 7)))
+    """[2, 7] set-points at the end of the last step [rad]."""
+    pressing: list[bool] = field(default_factory=lambda: [False, False])
+    """Whether an arm may have ended its last skill pressing on something."""
+
+
+class StepPlanner:
+    """Plans both arms' skills with the very code that simulation runs.
+
+    Args:
+        task: whose skills they are.
+        size: [3] of the object [m].
+        period: of the set-points [s].
+        speed_ratio: of the motions.
+
+    """
+
+    def __init__(self, task: SceneTask, size: FloatArray, period: float, speed_ratio: float) -> None:
+        self._task = task
+        self._size = size
+        self._period = period
+        self._speed_ratio = speed_ratio
+        self.hands = HandState()
+
+    def reset(self) -> None:
+        """A new episode: hands open, arms where they are."""
+        self.hands = HandState()
+
+    def plan(
+        self, pair: int, arguments: FloatArray, states: tuple[ArmState, ArmState], pose: FloatArray
+    ) -> Motion:
+        """Return the motion of a pair with SI arguments [A], the object being at `pose` [7 + h]."""
+        paths, goals = [], []
+        for arm, skill in enumerate(self._skills(pair)):
+            values = arguments[self._task.pairs.columns(arm, self._index(pair, arm))]
+            paths.append(skill.plan(self._context(arm, states[arm], pose), values[None]))
+            goals.append(pose[:2] + values[:2] if skill.name in ENDS_AT_POINT else None)
+        held = [self._held(arm, states[arm], pose) for arm in (0, 1)]
+        return Motion.of_paths(
+            paths[0],
+            paths[1],
+            self._period,
+            speed_ratio=self._speed_ratio,
+            goals=(goals[0], goals[1]),
+            held=(held[0], held[1]),
+        )
+
+    def done(self, pair: int, motion: Motion) -> None:
+        """Note what a motion that was made leaves behind."""
+        self.hands.opening = motion.opening[:, -1].copy()
+        self.hands.joints = motion.joints[:, -1].copy()
+        for arm, skill in enumerate(self._skills(pair)):
+            if skill.ends_pressing is not None:
+                self.hands.pressing[arm] = skill.ends_pressing
+
+    def _index(self, pair: int, arm: int) -> int:
+        return int(self._task.pairs.skill_index(np.array(pair), arm))
+
+    def _skills(self, pair: int) -> list[Skill]:
+        return [self._task.pairs.skills[self._index(pair, arm)] for arm in (0, 1)]
+
+    def _context(self, arm: int, state: ArmState, pose: FloatArray) -> PlanningContext:
+        joints = self.hands.joints[arm] if self.hands.pressing[arm] else state.positions
+        height = self._size[2:]
+        return PlanningContext(
+            arm=sawyers(np.array([arm])),
+            gripper=rethink_gripper(),
+            joints=joints[None].copy(),
+            opening=self.hands.opening[arm : arm + 1],
+            object_position=pose[None, :3],
+            object_quaternion=pose[None, 3:7],
+            object_size=self._size[None],
+            top_grasp_offset=self._task.top_grasp_height * height,
+            side_grasp_offset=self._task.side_grasp_height * height,
+            lift_speed=self._task.lift_speed,
+        )
+
+    def _held(self, arm: int, state: ArmState, pose: FloatArray) -> HeldObject | None:
+        """Return the object in the hand's frame, if the hand holds it."""
+        closed = rethink_gripper().closed
+        if self.hands.opening[arm] > closed or state.gripper.opening < closed + HOLDS:
+            return None
+        position, rotation = sawyer_pair()[arm].forward(state.positions[None])
+        inverse = rotation[0].T
+        turn = np.stack([rotate(pose[3:7], axis) for axis in np.eye(3)], axis=1)
+        return HeldObject(self._size, inverse @ (pose[:3] - position[0]), inverse @ turn)

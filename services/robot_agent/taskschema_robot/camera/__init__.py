@@ -1,0 +1,1 @@
+"""The overhead camera: frames with the time they were taken."""

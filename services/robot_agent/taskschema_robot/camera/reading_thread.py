@@ -1,0 +1,60 @@
+"""Reads a source of frames in a thread, so that the newest one is always at hand."""
+
+import threading
+from collections.abc import Callable
+
+from taskschema_robot.camera.camera import Frame
+from taskschema_robot.errors import CameraError
+
+FIRST_FRAME_SECONDS = 15.0
+"""How long a camera may take to deliver its first picture."""
+
+
+class ReadingThread:
+    """Keeps the newest frame of a source that blocks until its next one.
+
+    Drivers buffer frames: a reader that comes seldom gets old ones. This one reads all the time. When the
+    source ends or fails, the newest frame stays what it is, and its age says so.
+
+    Args:
+        read: returns the next frame; raises `CameraError` when there are no more.
+        name: of the source, for messages.
+
+    """
+
+    def __init__(self, read: Callable[[], Frame], name: str) -> None:
+        self._read = read
+        self._name = name
+        self._newest: Frame | None = None
+        self._failure: CameraError | None = None
+        self._first = threading.Event()
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"camera {name}", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        while not self._ending.is_set():
+            try:
+                self._newest = self._read()
+            except CameraError as error:
+                self._failure = error
+                self._ending.set()
+            self._first.set()
+
+    def latest(self) -> Frame:
+        """Return the newest frame; the first one is waited for.
+
+        Raises:
+            CameraError: if there has been none.
+        """
+        if self._newest is None:
+            self._first.wait(FIRST_FRAME_SECONDS)
+        newest = self._newest
+        if newest is None:
+            raise self._failure or CameraError(f"Camera {self._name} delivers no picture: check its cable.")
+        return newest
+
+    def close(self) -> None:
+        """Stop reading."""
+        self._ending.set()
+        self._thread.join(FIRST_FRAME_SECONDS)

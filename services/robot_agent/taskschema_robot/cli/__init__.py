@@ -1,0 +1,1 @@
+"""The `taskschema-robot` command, one module a subcommand."""

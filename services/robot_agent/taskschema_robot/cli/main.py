@@ -1,0 +1,43 @@
+"""The `taskschema-robot` command's entry point."""
+
+import sys
+from typing import Annotated
+
+import typer
+
+from taskschema import __version__
+from taskschema.errors import TaskschemaError
+from taskschema_robot.cli import fault, twin
+
+app = typer.Typer(
+    help="Drive two Sawyer arms: run episodes with the current policy, on the robots or on their twin.",
+    epilog="Start with: taskschema-robot twin. No stop that this software offers is safety rated.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for module in (twin, fault):
+    module.register(app)
+
+
+@app.callback()
+def _options(
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
+) -> None:
+    if version:
+        print(__version__)
+        raise typer.Exit
+
+
+def main() -> None:
+    """Run the command; an error that the user can mend is one line on stderr and exit status 1."""
+    arguments = sys.argv[1:]
+    debug = "--debug" in arguments
+    try:
+        app(args=[item for item in arguments if item != "--debug"], prog_name="taskschema-robot")
+    except (TaskschemaError, OSError) as error:
+        if debug:
+            raise
+        print(f"Error: {' '.join(str(error).split())}", file=sys.stderr)
+        raise SystemExit(1) from None

@@ -1,0 +1,1 @@
+"""Drivers: one small interface to an arm, whatever carries the commands."""

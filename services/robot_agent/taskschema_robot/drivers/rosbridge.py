@@ -1,0 +1,331 @@
+"""A Sawyer behind rosbridge."""
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taskschema.arrays import FloatArray
+from taskschema.kinematics.sawyer import sawyer
+from taskschema_robot import sawyer_interface as interface
+from taskschema_robot.clock import Clock
+from taskschema_robot.drivers.bridge_connection import BridgeConnection
+from taskschema_robot.drivers.driver import ArmState, GripperState
+from taskschema_robot.drivers.repeated_command import REPEAT_SECONDS, RepeatedCommand
+from taskschema_robot.drivers.sawyer_messages import (
+    JointReading,
+    joint_command,
+    read_joint_states,
+    read_signals,
+    read_wrench,
+    signal_command,
+)
+from taskschema_robot.drivers.setpoints import SetpointCheck
+from taskschema_robot.errors import EffectTimeoutError, NotConnectedError, NotReadyError, StaleStateError
+
+Json = dict[str, Any]
+
+STALE_SECONDS = 0.1
+"""Age of the joint state above which no set-point is sent [s]."""
+LINK_SECONDS = 0.5
+"""From advertising until commands pass without delay [s]: the bridge's own connections take 0.3 s."""
+EFFECT_SECONDS = 5.0
+"""How long a switch may take to show its effect [s], as in the vendor's SDK."""
+CALIBRATION_SECONDS = 15.0
+POLL_SECONDS = 0.02
+FORGET_SECONDS = 0.2
+"""After a pause this long the measured angles stand for the last set-point [s]."""
+ENDPOINT_MILLISECONDS = 20
+"""Between two end-point states [ms]: 50 Hz suffice for the wrench."""
+
+SUBSCRIPTIONS = {
+    interface.JOINT_STATES: 0,
+    interface.ENDPOINT_STATE: ENDPOINT_MILLISECONDS,
+    interface.COLLISION_STATE: 0,
+    interface.ROBOT_STATE: 0,
+    interface.GRIPPER_STATE: 0,
+}
+"""Topics, and the least time between two of their messages [ms]."""
+ADVERTISEMENTS = (
+    interface.JOINT_COMMAND,
+    interface.SPEED_RATIO,
+    interface.ENABLE,
+    interface.STOP,
+    interface.RESET,
+    interface.GRIPPER_COMMAND,
+)
+
+
+@dataclass(frozen=True)
+class RosbridgeAddress:
+    """Where one robot is, and how its gripper is built."""
+
+    url: str
+    """Of its rosbridge, such as `ws://192.168.1.10:9090`."""
+    finger_mount: float
+    """Opening between the pads with the gripper fully closed [m]: as its fingers are screwed on."""
+    ping_seconds: float | None = 0.5
+    """Between pings [s]; None: no pings, for a twin in lock-step."""
+
+
+class RosbridgeArm:
+    """One Sawyer with its electric gripper; see `ArmDriver`.
+
+    Errors of what is published never reach a rosbridge client, so every command is confirmed by its effect on
+    the robot's state.
+    """
+
+    def __init__(self, name: str, address: RosbridgeAddress, clock: Clock) -> None:
+        self.name = name
+        self._address = address
+        self._clock = clock
+        self._check = SetpointCheck(sawyer(), interface.JOINT_NAMES)
+        self._lock = threading.Lock()
+        self._connection: BridgeConnection | None = None
+        self._forget()
+
+    def _forget(self) -> None:
+        self._joints: tuple[float, JointReading] | None = None
+        self._wrench: FloatArray = np.zeros(6)
+        self._collision = False
+        self._assembly: Json | None = None
+        self._signals: Json | None = None
+        self._acknowledged: list[Json] = []
+        self._setpoint: tuple[float, FloatArray] | None = None
+        self._stopping: RepeatedCommand | None = None
+        self._gripping: RepeatedCommand | None = None
+        self._last_signal_time = 0.0
+
+    @property
+    def connection(self) -> BridgeConnection | None:
+        """The present connection: a twin in lock-step counts its frames."""
+        return self._connection
+
+    @property
+    def connected(self) -> bool:
+        """Whether the connection is alive."""
+        return self._connection is not None and self._connection.is_open
+
+    def connect(self) -> None:
+        """Connect, from nothing: neither commands nor states of an earlier connection survive."""
+        self.close()
+        self._forget()
+        connection = BridgeConnection(self._address.url, self._on_publish, self._address.ping_seconds)
+        connection.open()
+        self._connection = connection
+        for topic in ADVERTISEMENTS:
+            latch = topic == interface.SPEED_RATIO
+            queue = 1 if topic == interface.JOINT_COMMAND else 10
+            operation: Json = {"op": "advertise", "topic": topic, "type": interface.TYPES[topic]}
+            connection.send(operation | {"latch": latch, "queue_size": queue})
+        for topic, throttle in SUBSCRIPTIONS.items():
+            # Without a queue length, a client that reads slowly holds up everybody else's topics too.
+            operation = {"op": "subscribe", "topic": topic, "type": interface.TYPES[topic]}
+            connection.send(operation | {"throttle_rate": throttle, "queue_length": 1})
+        start = self._clock.now()
+        self._wait_for(self._complete, EFFECT_SECONDS)
+        if not self._complete():
+            missing = [
+                topic
+                for topic, value in (
+                    (interface.JOINT_STATES, self._joints),
+                    (interface.ROBOT_STATE, self._assembly),
+                    (interface.GRIPPER_STATE, self._signals),
+                )
+                if value is None
+            ]
+            self.close()
+            raise NotConnectedError(
+                f"{self.name}: {self._address.url} answers, but {', '.join(missing)} stays silent: check that"
+                " the robot is up and its gripper is attached."
+            )
+        self._clock.sleep_until(start + LINK_SECONDS)
+
+    def _complete(self) -> bool:
+        return None not in (self._joints, self._assembly, self._signals)
+
+    def state(self) -> ArmState:
+        """Return the newest state; see `ArmDriver`."""
+        joints, assembly, signals = self._joints, self._assembly, self._signals
+        if joints is None or assembly is None or signals is None:
+            raise NotConnectedError(f"{self.name}: no state yet: connect first.")
+        arrived, reading = joints
+        return ArmState(
+            time=arrived,
+            stamp=reading.stamp,
+            positions=reading.positions,
+            velocities=reading.velocities,
+            efforts=reading.efforts,
+            wrench=self._wrench,
+            collision=self._collision,
+            enabled=bool(assembly["enabled"]),
+            stopped=bool(assembly["stopped"]),
+            error=bool(assembly["error"]),
+            emergency_stop=assembly["estop_button"] == interface.BUTTON_PRESSED,
+            gripper=GripperState(
+                opening=self._address.finger_mount + float(signals["position_response_m"]),
+                calibrated=bool(signals["is_calibrated"]),
+                moving=bool(signals["is_moving"]),
+                gripping=bool(signals["is_gripping"]),
+                error=bool(signals["has_error"]),
+            ),
+        )
+
+    def command(self, positions: FloatArray) -> None:
+        """Send one set-point; see `ArmDriver`."""
+        connection, state, now = self._require_connection(), self.state(), self._clock.now()
+        if now - state.time > STALE_SECONDS:
+            raise StaleStateError(
+                f"{self.name}: the last joint state is {now - state.time:.2f} s old: check the network."
+            )
+        if not state.ready or self._stopping is not None:
+            raise NotReadyError(f"{self.name}: {_why_not_ready(state)}: reset it, then enable it.")
+        with self._lock:
+            recent = self._setpoint is not None and now - self._setpoint[0] < FORGET_SECONDS
+            last = self._setpoint[1] if self._setpoint is not None and recent else None
+            self._check.require(positions, last, state.positions)
+            self._setpoint = (now, np.array(positions))
+        connection.send(_publish(interface.JOINT_COMMAND, joint_command(positions)))
+
+    def set_speed_ratio(self, ratio: float) -> None:
+        """Limit the arm's own speed; see `ArmDriver`."""
+        self._require_connection().send(_publish(interface.SPEED_RATIO, {"data": float(ratio)}))
+
+    def set_gripper(self, opening: float) -> None:
+        """Send the gripper to an opening; see `ArmDriver`."""
+        gripper = self.state().gripper
+        if not gripper.calibrated or gripper.error:
+            what = "reports an error" if gripper.error else "is not calibrated"
+            raise NotReadyError(f"{self.name}: the gripper {what}: calibrate it.")
+        travel = min(max(opening - self._address.finger_mount, 0.0), interface.GRIPPER_STROKE)
+        self._gripping = self._send_signal("position_m", travel)
+
+    @property
+    def gripper_acknowledged(self) -> bool:
+        """Whether the gripper has acknowledged its newest command."""
+        return self._gripping is None or self._gripping.done()
+
+    def calibrate_gripper(self) -> None:
+        """Calibrate the gripper; see `ArmDriver`."""
+        self._gripping = self._send_signal("calibrate", True)
+        if not self._wait_for(lambda: self.state().gripper.calibrated, CALIBRATION_SECONDS):
+            raise EffectTimeoutError(
+                f"{self.name}: the gripper is not calibrated after {CALIBRATION_SECONDS:.0f} s: check that"
+                " its fingers move freely."
+            )
+
+    def stop(self) -> None:
+        """Stop at once; see `ArmDriver`."""
+        self._setpoint = None
+        self._stopping = RepeatedCommand(
+            interface.STOP, {}, lambda: bool(self._assembly and self._assembly["stopped"]), self._clock.now()
+        )
+        if self._connection is None:
+            return
+        try:
+            self._connection.send(_publish(interface.STOP, {}))
+        except NotConnectedError:
+            return
+
+    def reset(self) -> None:
+        """End a stop or an error; see `ArmDriver`."""
+        state = self.state()
+        if state.emergency_stop:
+            raise NotReadyError(f"{self.name}: the emergency stop button is pressed: release it first.")
+        if state.stopped or state.error:
+            self._switch(interface.RESET, {}, lambda now: not (now.stopped or now.error), "reset")
+        self._stopping = None
+
+    def enable(self) -> None:
+        """Switch the motors on; see `ArmDriver`."""
+        self._setpoint = None
+        self._switch(interface.ENABLE, {"data": True}, lambda now: now.enabled, "enable")
+
+    def disable(self) -> None:
+        """Switch the motors off; see `ArmDriver`."""
+        self._setpoint = None
+        self._switch(interface.ENABLE, {"data": False}, lambda now: not now.enabled, "disable")
+
+    def close(self) -> None:
+        """End the connection; see `ArmDriver`."""
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+
+    def _require_connection(self) -> BridgeConnection:
+        if self._connection is None or not self._connection.is_open:
+            raise NotConnectedError(f"{self.name}: no connection to {self._address.url}: connect again.")
+        return self._connection
+
+    def _switch(self, topic: str, message: Json, shown: Callable[[ArmState], bool], what: str) -> None:
+        """Publish until the robot's state shows the effect.
+
+        Raises:
+            EffectTimeoutError: if it does not in time.
+        """
+        deadline = self._clock.now() + EFFECT_SECONDS
+        while not shown(self.state()):
+            if self._clock.now() >= deadline:
+                raise EffectTimeoutError(
+                    f"{self.name}: {what} shows no effect after {EFFECT_SECONDS:.0f} s:"
+                    f" {_why_not_ready(self.state())}."
+                )
+            self._require_connection().send(_publish(topic, message))
+            self._wait_for(lambda: shown(self.state()), REPEAT_SECONDS)
+
+    def _wait_for(self, condition: Callable[[], bool], seconds: float) -> bool:
+        deadline = self._clock.now() + seconds
+        while not condition() and self._clock.now() < deadline:
+            self._clock.sleep_until(self._clock.now() + POLL_SECONDS)
+        return condition()
+
+    def _send_signal(self, signal: str, value: float | bool) -> RepeatedCommand:
+        """Send a command to the gripper; it is repeated, under the same time, until that is acknowledged."""
+        connection, now = self._require_connection(), self._clock.now()
+        self._last_signal_time = max(now, self._last_signal_time + 1e-6)
+        message = signal_command(signal, value, self._last_signal_time)
+        time = message["time"]
+        command = RepeatedCommand(interface.GRIPPER_COMMAND, message, lambda: time in self._acknowledged, now)
+        connection.send(_publish(interface.GRIPPER_COMMAND, message))
+        return command
+
+    def _on_publish(self, topic: str, message: Json) -> None:
+        """Take in a message, in the input-output thread."""
+        if topic == interface.JOINT_STATES:
+            reading = read_joint_states(message)
+            if self._joints is None or reading.stamp != self._joints[1].stamp:
+                self._joints = (self._clock.now(), reading)
+        elif topic == interface.ENDPOINT_STATE:
+            self._wrench = read_wrench(message)
+        elif topic == interface.COLLISION_STATE:
+            self._collision = bool(message["collision_state"])
+        elif topic == interface.ROBOT_STATE:
+            self._assembly = message
+        elif topic == interface.GRIPPER_STATE:
+            self._signals = read_signals(message)
+            self._acknowledged = message["commands"]
+        self._repeat()
+
+    def _repeat(self) -> None:
+        now, connection = self._clock.now(), self._connection
+        for command in (self._stopping, self._gripping):
+            if command is not None and connection is not None and command.due(now):
+                connection.send_soon(_publish(command.topic, command.message))
+
+
+def _publish(topic: str, message: Json) -> Json:
+    return {"op": "publish", "topic": topic, "msg": message}
+
+
+def _why_not_ready(state: ArmState) -> str:
+    if state.emergency_stop:
+        return "its emergency stop button is pressed"
+    if state.error:
+        return "it reports an error"
+    if state.stopped:
+        return "it is stopped"
+    if state.collision:
+        return "it reports a collision"
+    return "it is enabled" if state.enabled else "it is not enabled"

@@ -1,0 +1,246 @@
+"""The gate: holds the drivers of both arms, and lets checked motions through and nothing else."""
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import NoReturn
+
+import numpy as np
+
+from taskschema.arrays import FloatArray
+from taskschema.skills.pairs import ARMS
+from taskschema_robot.clock import Clock
+from taskschema_robot.drivers.driver import ArmDriver, ArmState
+from taskschema_robot.errors import RobotError
+from taskschema_robot.safety.fault import Fault, FaultError, FaultKind
+from taskschema_robot.safety.limits import SafetyLimits
+from taskschema_robot.safety.motion import Motion
+from taskschema_robot.safety.plan_checks import check_plan
+from taskschema_robot.safety.refusal import Refusal
+from taskschema_robot.safety.sweep import Sweep
+from taskschema_robot.safety.watchdog import Monitor, watch_monitors, watch_states, watch_tracking
+
+log = logging.getLogger("taskschema.robot.safety")
+
+Listener = Callable[[Fault], None]
+
+
+class SafetyGate:
+    """Both arms behind the gate; see `GatedArms`. The only object in the agent that commands a driver.
+
+    Args:
+        drivers: of the left and the right arm, connected.
+        clock: the agent's.
+        limits: of every check.
+        monitors: what else has to be well during a motion.
+        on_fault: told about every fault once both arms have been told to stop.
+
+    """
+
+    def __init__(
+        self,
+        drivers: tuple[ArmDriver, ArmDriver],
+        clock: Clock,
+        limits: SafetyLimits,
+        monitors: Sequence[Monitor] = (),
+        on_fault: Listener | None = None,
+    ) -> None:
+        self._drivers = drivers
+        self._clock = clock
+        self._limits = limits
+        self._monitors = tuple(monitors)
+        self._on_fault = on_fault
+        self._sweep = Sweep(limits)
+        self._lock = threading.Lock()
+        self._fault: Fault | None = None
+        self._openings: list[float | None] = [None, None]
+        self._held_at: FloatArray | None = None
+        for driver in drivers:
+            driver.set_speed_ratio(1.0)  # the set-points themselves are as slow as they should be
+
+    @property
+    def limits(self) -> SafetyLimits:
+        """What is allowed."""
+        return self._limits
+
+    @property
+    def fault(self) -> Fault | None:
+        """What stopped the arms, until it is acknowledged; see `GatedArms`."""
+        return self._fault
+
+    def states(self) -> tuple[ArmState, ArmState]:
+        """Return the newest states, left arm first; see `GatedArms`."""
+        return self._drivers[0].state(), self._drivers[1].state()
+
+    def check(self, motion: Motion, *, recovering: bool = False) -> Refusal | None:
+        """Return why a motion would be refused; see `GatedArms`."""
+        measured = np.stack([state.positions for state in self.states()])
+        return check_plan(motion, measured, self._limits, self._held_at) or self._sweep.check(
+            motion, measured, recovering=recovering
+        )
+
+    def execute(self, motion: Motion, *, recovering: bool = False) -> Refusal | None:
+        """Make a motion, or refuse it; see `GatedArms`."""
+        self._demand_health()
+        refusal = self.check(motion, recovering=recovering)
+        if refusal is not None:
+            log.info("Refused (%s): %s", refusal.kind, refusal.reason)
+            return refusal
+        self._stream(motion)
+        self._settle(motion)
+        return None
+
+    def stop(self, reason: str) -> None:
+        """Stop both arms and latch it; see `GatedArms`."""
+        self._latch(Fault(FaultKind.REQUESTED, reason, self._clock.now()))
+
+    def acknowledge(self, person: str) -> None:
+        """Clear the latched fault in a person's name: reset what is stopped and enable the arms.
+
+        Raises:
+            RobotError: if an arm is away or cannot be enabled; the fault then stays.
+
+        """
+        fault = self._fault
+        if fault is None:
+            return
+        for driver in self._drivers:
+            if not driver.connected:
+                driver.connect()
+            state = driver.state()
+            if state.stopped or state.error or state.collision:
+                driver.reset()
+            if not driver.state().enabled:
+                driver.enable()
+        self._openings, self._held_at = [None, None], None
+        log.warning("%s acknowledged: %s", person, fault.reason)
+        with self._lock:
+            self._fault = None
+
+    # During a motion
+
+    def _demand_health(self) -> None:
+        """Raise FaultError unless everything is well now."""
+        if self._fault is None:
+            now = self._clock.now()
+            fault = self._disconnected(now) or watch_states(self.states(), now, self._limits)
+            fault = fault or watch_monitors(self._monitors, now)
+            if fault is not None:
+                self._latch(fault)
+        if self._fault is not None:
+            raise FaultError(self._fault)
+
+    def _disconnected(self, now: float) -> Fault | None:
+        for driver in self._drivers:
+            if not driver.connected:
+                return Fault(FaultKind.CONNECTION, f"{driver.name} arm: its connection is down", now)
+        return None
+
+    def _stream(self, motion: Motion) -> None:
+        """Send the set-points at their period; what is checked is what is sent.
+
+        A stall moves all later set-points, so that none are sent in a burst; a long one is a fault.
+        """
+        window = round(self._limits.tracking_delay / motion.period)
+        recent: deque[FloatArray] = deque([motion.joints[:, 0]], maxlen=window)
+        due = self._clock.now()
+        for index in range(len(motion)):
+            self._clock.sleep_until(due)
+            now = self._clock.now()
+            if now - due > self._limits.late:
+                self._fail(FaultKind.LATE, f"set-points came to a halt for {now - due:.2f} s")
+            due = max(due, now - 0.5 * motion.period) + motion.period
+            self._watch(recent)
+            self._send(motion.joints[:, index])
+            self._set_grippers(motion, index)
+            recent.append(motion.joints[:, index])
+
+    def _settle(self, motion: Motion) -> None:
+        """Hold the last set-point until both arms have arrived and their grippers rest."""
+        goal = motion.joints[:, -1]
+        window = min(round(self._limits.tracking_delay / motion.period), len(motion))
+        recent: deque[FloatArray] = deque(motion.joints[:, -window:].swapaxes(0, 1), maxlen=window)
+        deadline = self._clock.now() + self._limits.arrival_seconds
+        while True:
+            self._clock.sleep_until(self._clock.now() + motion.period)
+            states = self._watch(recent)
+            error = np.abs(np.stack([state.positions for state in states]) - goal)
+            waiting = self._waiting_gripper(states)
+            if error.max() <= self._limits.arrival_tolerance and waiting is None:
+                return
+            if self._clock.now() > deadline:
+                arm, joint = np.unravel_index(error.argmax(), error.shape)
+                if error.max() > self._limits.arrival_tolerance:
+                    reason = f"joint {joint} of the {ARMS[arm]} arm is {error.max():.2f} rad short of the end"
+                    self._fail(FaultKind.ARRIVAL, reason)
+                self._fail(FaultKind.GRIPPER, f"the {waiting} gripper has not done what it was told")
+            self._send(goal)
+            recent.append(goal)
+
+    def _waiting_gripper(self, states: Sequence[ArmState]) -> str | None:
+        """Return whose gripper has not acknowledged its command, or still moves."""
+        for driver, state in zip(self._drivers, states, strict=True):
+            if not driver.gripper_acknowledged or state.gripper.moving:
+                return driver.name
+        return None
+
+    def _watch(self, recent: deque[FloatArray]) -> tuple[ArmState, ArmState]:
+        """Return the states if everything is well; latch the fault and raise otherwise."""
+        if self._fault is not None:
+            raise FaultError(self._fault)
+        now, states = self._clock.now(), self.states()
+        fault = (
+            self._disconnected(now)
+            or watch_states(states, now, self._limits)
+            or watch_tracking(states, np.stack(recent, axis=1), now, self._limits)
+            or watch_monitors(self._monitors, now)
+        )
+        if fault is not None:
+            self._latch(fault)
+            raise FaultError(fault)
+        return states
+
+    def _send(self, joints: FloatArray) -> None:
+        """Send one set-point to both arms, unless a stop came in between."""
+        with self._lock:
+            if self._fault is not None:
+                raise FaultError(self._fault)
+            try:
+                for driver, positions in zip(self._drivers, joints, strict=True):
+                    driver.command(positions)
+                self._held_at = joints
+                return
+            except RobotError as error:
+                reason = f"the {driver.name} arm did not take a set-point: {error}"
+        self._fail(FaultKind.COMMAND, reason)
+
+    def _set_grippers(self, motion: Motion, index: int) -> None:
+        """Send an opening where it changes."""
+        for arm, driver in enumerate(self._drivers):
+            opening = float(motion.opening[arm, index])
+            if opening == self._openings[arm]:
+                continue
+            try:
+                driver.set_gripper(opening)
+            except RobotError as error:
+                self._fail(FaultKind.COMMAND, f"the {driver.name} gripper did not take a command: {error}")
+            self._openings[arm] = opening
+
+    def _fail(self, kind: FaultKind, reason: str) -> NoReturn:
+        self._latch(Fault(kind, reason, self._clock.now()))
+        assert self._fault is not None
+        raise FaultError(self._fault)
+
+    def _latch(self, fault: Fault) -> None:
+        """Stop both arms, first of all; the first fault is the one that stays."""
+        with self._lock:
+            for driver in self._drivers:
+                driver.stop()
+            first = self._fault is None
+            if first:
+                self._fault = fault
+        if first:
+            log.error("FAULT (%s): %s", fault.kind, fault.reason)
+            if self._on_fault is not None:
+                self._on_fault(fault)

@@ -1,0 +1,45 @@
+"""What everybody but the gate sees of the arms."""
+
+from typing import Protocol
+
+from taskschema_robot.drivers.driver import ArmState
+from taskschema_robot.safety.fault import Fault
+from taskschema_robot.safety.motion import Motion
+from taskschema_robot.safety.refusal import Refusal
+
+
+class GatedArms(Protocol):
+    """Both arms, behind the safety gate: whoever executes skills gets this, never a driver."""
+
+    @property
+    def fault(self) -> Fault | None:
+        """What stopped the arms, until it is acknowledged."""
+        ...
+
+    def states(self) -> tuple[ArmState, ArmState]:
+        """Return the newest states, left arm first.
+
+        Raises:
+            NotConnectedError: if an arm has never sent one.
+        """
+        ...
+
+    def check(self, motion: Motion, *, recovering: bool = False) -> Refusal | None:
+        """Return why a motion from where the arms are would be refused; nothing moves."""
+        ...
+
+    def execute(self, motion: Motion, *, recovering: bool = False) -> Refusal | None:
+        """Make a motion of both arms, or refuse it; returns when the arms have arrived and rest.
+
+        Args:
+            motion: from where the arms are.
+            recovering: shapes that are too near each other already may part.
+
+        Raises:
+            FaultError: if a fault is latched, or one stops the motion.
+        """
+        ...
+
+    def stop(self, reason: str) -> None:
+        """Stop both arms at once and latch it as a fault: not safety rated. From any thread."""
+        ...

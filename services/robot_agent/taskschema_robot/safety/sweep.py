@@ -1,0 +1,199 @@
+"""The sweep: both arms and what they hold, moved together through a motion, in steps of a few millimetres."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taskschema.arrays import FloatArray, IntArray
+from taskschema_robot.safety.arm_model import FINGERS, HAND, LINKS, NEIGHBOURS, ArmModel
+from taskschema_robot.safety.limits import SafetyLimits
+from taskschema_robot.safety.motion import Motion
+from taskschema_robot.safety.refusal import Refusal, RefusalKind
+
+RECOVERY_SHARE = 0.7
+"""Least share of their distance at the start that shapes keep which are too near at the start already."""
+RECOVERY_TOLERANCE = 0.002
+"""How much deeper shapes may come that touch at the start already [m]."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two shapes, how near they may come, and what it is called if they come nearer."""
+
+    first: int
+    second: int
+    clearance: float
+    kind: RefusalKind
+
+
+class Sweep:
+    """Tests motions against a collision model; keeps nothing between them."""
+
+    def __init__(self, limits: SafetyLimits) -> None:
+        self._limits = limits
+        self._model = ArmModel()
+
+    def check(self, motion: Motion, measured: FloatArray, *, recovering: bool = False) -> Refusal | None:
+        """Return why a motion from `measured` [2, 7] must not be made, or None.
+
+        Between two tested configurations no point of a link moves further than `sweep_resolution`; half of
+        that is added to every clearance for each of the two shapes that moves, so nothing slips between.
+
+        Args:
+            motion: of the right form, within the joint limits.
+            measured: where the arms are.
+            recovering: shapes that are too near each other already may part, but not come nearer.
+        """
+        for arm, held in enumerate(motion.held):
+            self._model.hold(arm, held, self._limits.held_inflation)
+        joints, times = self._dense(motion, measured)
+        centres, frames = self._model.poses(joints)
+        extents = self._model.extents(frames)
+        return (
+            self._outside(joints, times, centres, extents, recovering)
+            or self._sagging(motion, joints, times, centres, extents)
+            or self._too_near(motion, joints, times, centres, recovering)
+        )
+
+    def _dense(self, motion: Motion, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return configurations [2, D, 7] and times [D] from where the arms are to the end, both included."""
+        joints = np.concatenate([measured[:, None], motion.joints], axis=1)
+        travel = self._model.travel(*self._model.poses(joints))
+        parts = np.maximum(np.ceil(travel / self._limits.sweep_resolution).astype(np.int64), 1)
+        knots = np.concatenate([[0], np.cumsum(parts)])
+        fine = np.arange(knots[-1] + 1)
+        place = np.interp(fine, knots, np.arange(joints.shape[1]))
+        index = np.minimum(place.astype(np.int64), joints.shape[1] - 2)
+        share = (place - index)[None, :, None]
+        dense = joints[:, index] * (1.0 - share) + joints[:, index + 1] * share
+        return dense, np.maximum(place - 1.0, 0.0) * motion.period
+
+    def _outside(
+        self,
+        joints: FloatArray,
+        times: FloatArray,
+        centres: FloatArray,
+        extents: FloatArray,
+        recovering: bool,
+    ) -> Refusal | None:
+        """Check every link against the workspace."""
+        box = self._limits.workspace
+        links = [i for i, shape in enumerate(self._model.shapes) if shape.link in LINKS[1:]]
+        low = np.array(box.lower) - (centres - extents)[:, links]
+        high = (centres + extents)[:, links] - np.array(box.upper)
+        excess = np.maximum(low, high).max(axis=2)
+        allowed = np.maximum(excess[0], 0.0) if recovering else 0.0
+        step, link = _first(excess > allowed)
+        if step is None:
+            return None
+        name = self._model.shapes[links[link]].name
+        reason = f"{name} would leave the workspace by {100 * excess[step, link]:.1f} cm"
+        return Refusal(RefusalKind.WORKSPACE, reason, float(times[step]), joints[:, step].copy(), (name,))
+
+    def _sagging(
+        self, motion: Motion, joints: FloatArray, times: FloatArray, centres: FloatArray, extents: FloatArray
+    ) -> Refusal | None:
+        """Check that what is held is not pressed into the table it may stand on."""
+        for arm, held in enumerate(motion.held):
+            if held is None:
+                continue
+            geom = self._model.index(arm, "held")
+            lowest = (centres - extents)[:, geom, 2]
+            floor = min(lowest[0], 0.0) - self._limits.held_sag
+            if (lowest < floor).any():
+                step = int(np.flatnonzero(lowest < floor)[0])
+                name = self._model.shapes[geom].name
+                reason = f"{name} would be pressed {100 * (floor - lowest[step]):.1f} cm too deep"
+                at = joints[:, step].copy()
+                return Refusal(RefusalKind.HELD_OBJECT, reason, float(times[step]), at, (name, "table"))
+        return None
+
+    def _too_near(
+        self, motion: Motion, joints: FloatArray, times: FloatArray, centres: FloatArray, recovering: bool
+    ) -> Refusal | None:
+        """Check every pair of shapes whose bounding spheres come near, in the order of time."""
+        pairs = self._pairs(motion)
+        first = np.array([pair.first for pair in pairs])
+        second = np.array([pair.second for pair in pairs])
+        need = np.array([pair.clearance for pair in pairs]) + self._between(first, second)
+        offset = centres[:, first] - centres[:, second]
+        gap = np.sqrt((offset * offset).sum(axis=2)) - self._model.radii[first] - self._model.radii[second]
+        table = second == self._model.index(None, "table")
+        lowest = centres[:, first, 2] - self._model.radii[first]
+        gap = np.where(table, lowest, gap)
+        near = gap < need
+        if recovering:
+            start = self._distances(joints[:, 0], pairs, need)
+            kept = np.where(start > 0.0, RECOVERY_SHARE * start, start) - RECOVERY_TOLERANCE
+            need = np.minimum(need, kept)
+        for step in np.flatnonzero(near.any(axis=1)):
+            self._model.place(joints[:, step])
+            for index in np.flatnonzero(near[step]):
+                pair = pairs[index]
+                distance = self._model.distance(pair.first, pair.second, need[index] + 0.01)
+                if distance < need[index]:
+                    return self._refusal(pair, distance, float(times[step]), joints[:, step].copy())
+        return None
+
+    def _distances(self, joints: FloatArray, pairs: list[Pair], need: FloatArray) -> FloatArray:
+        self._model.place(joints)
+        return np.array(
+            [
+                self._model.distance(pair.first, pair.second, most + 0.01)
+                for pair, most in zip(pairs, need, strict=True)
+            ]
+        )
+
+    def _between(self, first: IntArray, second: IntArray) -> FloatArray:
+        """Return what two shapes can come nearer between two tested configurations [P]."""
+        table = self._model.index(None, "table")
+        movers = 1.0 + (second != table)
+        return np.asarray(0.5 * self._limits.sweep_resolution * movers)
+
+    def _refusal(self, pair: Pair, distance: float, time: float, joints: FloatArray) -> Refusal:
+        names = tuple(self._model.shapes[index].name for index in (pair.first, pair.second))
+        reason = (
+            f"{names[0]} would come within {100 * max(distance, 0.0):.1f} cm of {names[1]}, "
+            f"{100 * pair.clearance:.1f} cm is the least"
+        )
+        return Refusal(pair.kind, reason, time, joints, names)
+
+    def _pairs(self, motion: Motion) -> list[Pair]:
+        limits, index = self._limits, self._model.index
+        table = index(None, "table")
+        pairs = []
+        for left in LINKS:
+            pairs += [
+                Pair(index(0, left), index(1, right), limits.arm_clearance, RefusalKind.ARMS_COLLIDE)
+                for right in LINKS
+            ]
+        for arm in (0, 1):
+            for place, link in enumerate(LINKS):
+                if place > 0:
+                    clearance = limits.finger_clearance if link in FINGERS else limits.table_clearance
+                    pairs.append(Pair(index(arm, link), table, clearance, RefusalKind.TABLE))
+                pairs += [
+                    Pair(
+                        index(arm, link), index(arm, other), limits.self_clearance, RefusalKind.SELF_COLLISION
+                    )
+                    for other in LINKS[place + NEIGHBOURS :]
+                    if not (link in HAND and other in HAND)
+                ]
+            if motion.held[arm] is not None:
+                held = index(arm, "held")
+                near = [(arm, link) for link in LINKS[:5]] + [
+                    (1 - arm, link) for link in LINKS if link not in HAND
+                ]
+                pairs += [
+                    Pair(index(*shape), held, limits.self_clearance, RefusalKind.HELD_OBJECT)
+                    for shape in near
+                ]
+        return pairs
+
+
+def _first(bad: FloatArray) -> tuple[int | None, int]:
+    """Return the first row of [S, K] that holds True, and its first column; None if there is none."""
+    rows = np.flatnonzero(bad.any(axis=1))
+    if not len(rows):
+        return None, 0
+    return int(rows[0]), int(np.flatnonzero(bad[rows[0]])[0])

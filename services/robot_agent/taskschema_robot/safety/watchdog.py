@@ -1,0 +1,83 @@
+"""The checks during a motion: pure functions of the arms' states, and monitors of everything else."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from taskschema.arrays import FloatArray
+from taskschema.skills.pairs import ARMS
+from taskschema_robot.drivers.driver import ArmState
+from taskschema_robot.safety.fault import Fault, FaultKind
+from taskschema_robot.safety.limits import SafetyLimits
+
+
+class Monitor(Protocol):
+    """Something beside the arms that has to be well while they move: a camera, Redis, a person's key."""
+
+    def fault(self, now: float) -> Fault | None:
+        """Return what is wrong at `now` [s] on the agent's clock; does not wait."""
+        ...
+
+
+def watch_states(states: Sequence[ArmState], now: float, limits: SafetyLimits) -> Fault | None:
+    """Return what is wrong with the arms themselves, the gravest first."""
+    for arm, state in zip(ARMS, states, strict=True):
+        found = _wrong(state, now, limits)
+        if found is not None:
+            kind, reason = found
+            return Fault(kind, f"{arm} arm: {reason}", now)
+    return None
+
+
+def _wrong(state: ArmState, now: float, limits: SafetyLimits) -> tuple[FaultKind, str] | None:
+    age = now - state.time
+    force, torque = (float(np.sqrt((part * part).sum())) for part in (state.wrench[:3], state.wrench[3:]))
+    finite = all(np.isfinite(values).all() for values in (state.positions, state.velocities, state.wrench))
+    if state.emergency_stop:
+        return FaultKind.EMERGENCY_STOP, "its emergency stop is pressed"
+    if state.collision:
+        return FaultKind.COLLISION, "it has detected a collision"
+    if state.error:
+        return FaultKind.ROBOT_ERROR, "it reports an error"
+    if state.stopped:
+        return FaultKind.STOPPED, "it is stopped"
+    if not state.enabled:
+        return FaultKind.NOT_ENABLED, "it is not enabled"
+    if not age <= limits.state_age:
+        return FaultKind.STATE_AGE, f"its last state is {age:.2f} s old"
+    if not finite:
+        return FaultKind.STATE_AGE, "its state holds numbers that are not finite"
+    if force > limits.force:
+        return FaultKind.WRENCH, f"a force of {force:.0f} N at the hand, {limits.force:.0f} N is the most"
+    if torque > limits.torque:
+        return (
+            FaultKind.WRENCH,
+            f"a torque of {torque:.0f} Nm at the hand, {limits.torque:.0f} Nm is the most",
+        )
+    if state.gripper.error:
+        return FaultKind.GRIPPER, "its gripper reports an error"
+    return None
+
+
+def watch_tracking(
+    states: Sequence[ArmState], recent: FloatArray, now: float, limits: SafetyLimits
+) -> Fault | None:
+    """Return which joint is not on its way along the recent set-points [2, R, 7], if one is not."""
+    low, high = recent.min(axis=1), recent.max(axis=1)
+    measured = np.stack([state.positions for state in states])
+    error = np.maximum(low - measured, measured - high)
+    if error.max() <= limits.tracking_error:
+        return None
+    arm, joint = np.unravel_index(error.argmax(), error.shape)
+    reason = f"{ARMS[arm]} arm: joint {joint} is {error.max():.2f} rad from where it was sent"
+    return Fault(FaultKind.TRACKING, reason, now)
+
+
+def watch_monitors(monitors: Sequence[Monitor], now: float) -> Fault | None:
+    """Return the first fault of the monitors."""
+    for monitor in monitors:
+        fault = monitor.fault(now)
+        if fault is not None:
+            return fault
+    return None

@@ -1,0 +1,126 @@
+"""The twin's scene: the one that the policy was trained in, with what a camera sees and a fault needs."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from typing import Protocol
+
+import cv2
+import mujoco
+import numpy as np
+
+from taskschema.kinematics.rotation import matrix_to_quaternion
+from taskschema.scene import TABLE, compose_scene
+from taskschema_robot.camera.camera import Intrinsics
+from taskschema_robot.twin.world import OBSTACLE, TIMESTEP
+
+CAMERA = "overhead"
+CAMERA_HEIGHT = 1.4
+"""Above the middle of the table, looking straight down; the picture's right is x, its top y [m]."""
+VIEW = 1.1
+"""Width and height of the table that the picture shows [m]."""
+PICTURE = 1080
+"""Width and height of the picture [pixels]."""
+DICTIONARY = cv2.aruco.DICT_4X4_50
+MARKER_CELLS = 6
+"""Along the black square's edge; a white cell surrounds it."""
+CELL_PIXELS = 16
+PLATE_THICKNESS = 0.0005
+"""[m]"""
+OBSTACLE_SHAPE = (0.045, 0.25)
+"""Radius and half height of the bar that stands for a person's arm [m]."""
+
+
+class PrintedMarker(Protocol):
+    """Where a printed marker sits; on its face x points to the right of the picture and y to its top."""
+
+    number: int
+    size: float
+    position: tuple[float, float, float]
+    x_axis: tuple[float, float, float]
+    y_axis: tuple[float, float, float]
+
+
+def twin_model(name: str, object_mjcf: str, markers: dict[str, Sequence[PrintedMarker]]) -> mujoco.MjModel:
+    """Compile the twin's world.
+
+    Args:
+        name: of the model.
+        object_mjcf: see `taskschema.tasks.scene_task.SceneTask.object_mjcf`.
+        markers: by the name of the body they are glued to; `world` is the table.
+
+    """
+    root = compose_scene(name, object_mjcf)
+    compiler, option = root.find("compiler"), root.find("option")
+    if compiler is None or option is None:
+        raise ValueError("the scene has no compiler or option element")
+    compiler.attrib |= {"discardvisual": "false", "fusestatic": "false"}
+    option.set("timestep", f"{TIMESTEP:g}")
+    world, asset = (next(root.iter(tag)) for tag in ("worldbody", "asset"))
+    root.append(_visual())
+    for element in _surroundings():
+        world.append(element)
+    bodies = {body.get("name", ""): body for body in root.iter("body")} | {"world": world}
+    assets: dict[str, bytes] = {}
+    for body, placed in markers.items():
+        for marker in placed:
+            label = f"marker_{marker.number}"
+            assets[f"{label}.png"] = marker_picture(marker.number)
+            asset.append(ET.Element("texture", {"name": label, "type": "2d", "file": f"{label}.png"}))
+            asset.append(ET.Element("material", {"name": label, "texture": label, "specular": "0"}))
+            bodies[body].append(_plate(label, marker))
+    return mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"), assets)
+
+
+def marker_picture(number: int) -> bytes:
+    """Return a marker as a PNG, its white border included."""
+    dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARY)
+    square = cv2.aruco.generateImageMarker(dictionary, number, MARKER_CELLS * CELL_PIXELS)
+    bordered = cv2.copyMakeBorder(square, *[CELL_PIXELS] * 4, cv2.BORDER_CONSTANT, value=255)
+    return bytes(cv2.imencode(".png", cv2.cvtColor(bordered, cv2.COLOR_GRAY2BGR))[1])
+
+
+def intrinsics(size: int = PICTURE) -> Intrinsics:
+    """Return the camera's projection for pictures of `size` x `size`: a pinhole without distortion."""
+    focal = size * CAMERA_HEIGHT / VIEW
+    centre = 0.5 * size
+    matrix = np.array([[focal, 0.0, centre], [0.0, focal, centre], [0.0, 0.0, 1.0]])
+    return Intrinsics(matrix, np.zeros(5))
+
+
+def _plate(label: str, marker: PrintedMarker) -> ET.Element:
+    x, y = np.asarray(marker.x_axis), np.asarray(marker.y_axis)
+    quaternion = matrix_to_quaternion(np.stack([x, y, np.cross(x, y)], axis=1))
+    half = 0.5 * marker.size * (MARKER_CELLS + 2) / MARKER_CELLS
+    attributes = {
+        "name": label,
+        "type": "box",
+        "size": f"{half:g} {half:g} {0.5 * PLATE_THICKNESS:g}",
+        "pos": " ".join(f"{value:g}" for value in marker.position),
+        "quat": " ".join(f"{value:.9g}" for value in quaternion),
+        "material": label,
+        "mass": "0",
+        "contype": "0",
+        "conaffinity": "0",
+        "group": "1",
+    }
+    return ET.Element("geom", attributes)
+
+
+def _visual() -> ET.Element:
+    visual = ET.Element("visual")
+    visual.append(ET.Element("global", {"offwidth": str(PICTURE), "offheight": str(PICTURE)}))
+    visual.append(ET.Element("quality", {"shadowsize": "0", "offsamples": "4"}))
+    visual.append(ET.Element("headlight", {"ambient": "0.5 0.5 0.5", "diffuse": "0.4 0.4 0.4"}))
+    visual.append(ET.Element("map", {"znear": "0.05"}))
+    return visual
+
+
+def _surroundings() -> list[ET.Element]:
+    """Return camera and obstacle."""
+    angle = np.degrees(2.0 * np.arctan(0.5 * VIEW / CAMERA_HEIGHT))
+    camera = {"name": CAMERA, "pos": f"0 0 {CAMERA_HEIGHT:g}", "fovy": f"{angle:.9g}"}
+    obstacle = ET.Element("body", {"name": OBSTACLE, "mocap": "true"})
+    radius, half = OBSTACLE_SHAPE
+    shape = {"type": "capsule", "size": f"{radius:g} {half:g}", "rgba": "0.85 0.6 0.45 1"}
+    obstacle.append(ET.Element("geom", shape | {"contype": str(TABLE), "conaffinity": "0"}))
+    return [ET.Element("camera", camera), obstacle]

@@ -1,0 +1,139 @@
+"""The compose stack under test: a project, settings and a port of its own."""
+
+import json
+import os
+import socket
+import subprocess
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from tests.compose.engine import ROOT
+
+PROJECT = "taskschema-test"
+RUN = "compose-test"
+PATIENCE_SECONDS = 240.0
+"""Longest wait for anything that the stack does by itself [s]."""
+
+
+class Stack:
+    """Commands to the stack and questions to its API."""
+
+    def __init__(self, compose: list[str], folder: Path, task: str) -> None:
+        self._settings = folder / "compose.env"
+        self._port = _free_port()
+        settings = subprocess.run(
+            [ROOT / "deploy/docker/new-env.sh"], capture_output=True, text=True, check=True
+        ).stdout
+        own = {
+            "API_ADDRESS": f"127.0.0.1:{self._port}",
+            "TASKSCHEMA_TASK": task,
+            "TASKSCHEMA_RUN": RUN,
+            "TASKSCHEMA_OPTIONS": "--until-success 0",
+            "TORCH_INDEX_URL": os.environ.get("TORCH_INDEX_URL", ""),
+        }
+        lines = [line for line in settings.splitlines() if line.partition("=")[0] not in own]
+        self._settings.write_text("\n".join([*lines, *(f"{k}={v}" for k, v in own.items())]) + "\n")
+        self._values = dict(line.split("=", 1) for line in lines if "=" in line and line[0] != "#")
+        self._compose = [*compose, "--env-file", str(self._settings), "-p", PROJECT]
+
+    @property
+    def secrets(self) -> list[str]:
+        """Everything that must not show."""
+        return [value for name, value in self._values.items() if name.endswith(("_PASSWORD", "_TOKEN"))]
+
+    def compose(self, *words: str) -> str:
+        """Run a compose command and return what it prints.
+
+        Raises:
+            RuntimeError: if it fails; the message holds what it said.
+        """
+        done = subprocess.run([*self._compose, *words], cwd=ROOT, capture_output=True, text=True)
+        if done.returncode != 0:
+            raise RuntimeError(f"{' '.join(words)}: {(done.stderr or done.stdout)[-3000:]}")
+        return done.stdout
+
+    def clean(self) -> None:
+        """Remove containers, networks and volumes, if there are any."""
+        self.compose("--profile", "tools", "down", "--volumes", "--remove-orphans")
+
+    def containers(self, service: str) -> list[str]:
+        """Return the ids of a service's running containers, oldest first."""
+        label = f"label=com.docker.compose.project={PROJECT}"
+        found = docker(
+            "ps", "-q", "--filter", label, "--filter", f"label=com.docker.compose.service={service}"
+        )
+        return found.split()[::-1]
+
+    def get(self, path: str) -> Any:
+        """Return the API's answer.
+
+        Raises:
+            OSError: if there is none, or it is an error.
+        """
+        request = urllib.request.Request(f"http://127.0.0.1:{self._port}{path}", headers=self.headers)
+        with urllib.request.urlopen(request, timeout=10) as answer:
+            return json.load(answer)
+
+    def post(self, path: str) -> Any:
+        """Ask the API for something."""
+        url = f"http://127.0.0.1:{self._port}{path}"
+        request = urllib.request.Request(url, headers=self.headers, method="POST")
+        with urllib.request.urlopen(request, timeout=10) as answer:
+            return json.load(answer)
+
+    @property
+    def headers(self) -> dict[str, str]:
+        return {"Authorization": f"Bearer {self._values['TASKSCHEMA_API_TOKEN']}"}
+
+    def version(self) -> int:
+        """Return the newest policy version: the number of finished rounds."""
+        return int(self.get(f"/runs/{RUN}")["status"]["version"])
+
+    def live_workers(self) -> int:
+        return int(self.get(f"/workers?run={RUN}")["live"])
+
+    def rounds_pass(self, count: int) -> float:
+        """Wait for so many more rounds and return how long that took [s]."""
+        started = time.monotonic()
+        self.wait(lambda: self.version() >= 0, "the API")
+        goal = self.version() + count
+        self.wait(lambda: self.version() >= goal, f"round {goal}")
+        return time.monotonic() - started
+
+    def workers_become(self, count: int) -> float:
+        """Wait until so many workers live and return how long that took [s]."""
+        started = time.monotonic()
+        self.wait(lambda: self.live_workers() == count, f"{count} workers")
+        return time.monotonic() - started
+
+    def wait(self, condition: Callable[[], bool], what: str) -> None:
+        """Poll until something is true.
+
+        Raises:
+            TimeoutError: if it does not come true.
+        """
+        deadline = time.monotonic() + PATIENCE_SECONDS
+        while True:
+            try:
+                if condition():
+                    return
+            except (OSError, KeyError, json.JSONDecodeError):
+                pass  # the API is away, or knows no run yet
+            if time.monotonic() > deadline:
+                raise TimeoutError(f"no sign of {what} after {PATIENCE_SECONDS:.0f} s")
+            time.sleep(0.2)
+
+
+def docker(*words: str) -> str:
+    """Run a docker command and return what it prints."""
+    return subprocess.run(["docker", *words], capture_output=True, text=True, check=True).stdout
+
+
+def _free_port() -> int:
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return int(listener.getsockname()[1])

@@ -1,0 +1,204 @@
+"""The paper's experiment: its order, its budgets, its tables, and that it can be stopped at any time."""
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from taskschema.config import RunConfig
+from taskschema_learner.default_config import default_config
+from taskschema_learner.experiment.cell import Cell, CellResult
+from taskschema_learner.experiment.measurement import CURVE_ROWS, thinned_curve
+from taskschema_learner.experiment.plan import Plan, next_cell
+from taskschema_learner.experiment.report import report
+from taskschema_learner.experiment.results_folder import ResultsFolder, Summary
+
+COMMAND = Path(sys.executable).with_name("taskschema")
+ORACLE = [
+    "experiment",
+    "paper-sim",
+    "--tasks",
+    "toy",
+    "--policies",
+    "oracle",
+    "--seeds",
+    "1",
+    "--workers",
+    "0",
+]
+
+
+def result(task, policy, seed, episodes, state="solved", **others):
+    facts = {
+        "rounds": episodes // 200,
+        "budget": 200_000,
+        "minutes": 1.0,
+        "success_last_100": 0.9,
+        "config_hash": default_config(task, policy, seed).config_hash,
+        "sha256": "0" * 64,
+        "commit": "",
+    }
+    return CellResult(task=task, policy=policy, seed=seed, episodes=episodes, state=state, **(facts | others))
+
+
+def by_cell(*results):
+    return {item.cell: item for item in results}
+
+
+def test_three_seeds_of_schema_and_oracle_come_before_the_baseline_and_that_before_the_others():
+    cells = Plan(tasks=("lateral-lifting", "opening")).cells()
+    assert len(cells) == len(set(cells)) == 2 * 3 * 5
+    blocks = [cells[:12], cells[12:18], cells[18:26], cells[26:]]
+    assert [{cell.policy for cell in block} for block in blocks] == [{"oracle", "schema"}, {"state"}] * 2
+    assert [{cell.seed for cell in block} for block in blocks] == [{0, 1, 2}] * 2 + [{3, 4}] * 2
+    assert [cell.task for cell in cells[:4]] == ["lateral-lifting"] * 2 + ["opening"] * 2
+
+
+def test_the_baseline_may_take_five_times_the_median_on_lifting_and_the_slowest_seed_elsewhere():
+    plan = Plan(tasks=("lateral-lifting", "opening"))
+    results = by_cell(
+        *(result("lateral-lifting", "schema", seed, 1000 * seed) for seed in (1, 2, 9)),
+        *(result("opening", "schema", seed, 3000 * seed) for seed in (1, 2)),
+        result("opening", "schema", 0, 99_000, "interrupted"),  # not over: does not count
+    )
+    assert plan.budget_of(Cell("lateral-lifting", "state", 0), results) == 5 * 2000
+    assert plan.budget_of(Cell("opening", "state", 0), results) == 6000
+    assert plan.budget_of(Cell("opening", "oracle", 0), results) == plan.budget
+    raised = Plan(tasks=plan.tasks, baseline_budget=50_000)
+    assert raised.budget_of(Cell("opening", "state", 0), results) == 50_000
+
+
+def test_the_next_cell_is_the_first_that_is_neither_solved_nor_spent():
+    plan = Plan(tasks=("toy",), seeds=1, budget=1000)
+    oracle, schema, state = plan.cells()
+    assert next_cell(plan, {}, []) == (oracle, 1000)
+    results = by_cell(result("toy", "oracle", 0, 400), result("toy", "schema", 0, 600, "interrupted"))
+    assert next_cell(plan, results, []) == (schema, 1000)
+    assert next_cell(plan, results, [schema]) == (state, 1000)
+    results |= by_cell(result("toy", "schema", 0, 1000, "not solved"))
+    assert next_cell(plan, results, []) == (state, 1000)
+    results |= by_cell(result("toy", "state", 0, 1000, "not solved"))
+    assert next_cell(plan, results, []) is None
+    # A larger budget opens what was given up, and what was solved stays.
+    assert next_cell(Plan(tasks=("toy",), seeds=1, budget=2000), results, []) == (schema, 2000)
+
+
+def test_curves_are_thinned_to_rounds_that_were_measured(tmp_path):
+    class Row(msgspec.Struct):
+        episodes: int
+        success_last_100: float
+
+    rows = [Row(200 * number, number / 2000) for number in range(1, 2001)]
+    curve = thinned_curve(rows)
+    assert len(curve) == CURVE_ROWS
+    assert curve[0] == (200, 1 / 2000)
+    assert curve[-1] == (400_000, 1.0)
+    assert all(success == episodes / 400_000 for episodes, success in curve)
+    assert thinned_curve(rows[:7]) == [(row.episodes, row.success_last_100) for row in rows[:7]]
+    folder = ResultsFolder(tmp_path)
+    folder.make()
+    folder.write_curve(Cell("toy", "schema", 0), curve)
+    assert list(folder.read_curve(Cell("toy", "schema", 0))) == curve
+
+
+def test_the_page_says_medians_ratios_and_verdicts_as_computed_by_hand():
+    pairs = (("reach", "reach"), ("raise", "raise"))
+    cells = (
+        *(
+            result("toy", "schema", seed, episodes, schema=pairs, verdict=verdict)
+            for seed, (episodes, verdict) in enumerate(
+                [(4000, "equal"), (6000, "equivalent"), (9000, "equal")]
+            )
+        ),
+        result("toy", "state", 0, 30_000, "not solved", budget=30_000, success_last_100=0.02),
+        result("toy", "state", 1, 20_000),
+        result("toy", "state", 2, 30_000, "not solved", budget=30_000),
+        result("toy", "oracle", 0, 2000),
+        result("toy", "oracle", 1, 4000),
+        result("toy", "oracle", 2, 800, "interrupted"),
+    )
+    page = report(Summary(experiment="paper-sim", machines=("2 cores",), cells=cells))
+    assert "| toy | schema | 4,000 | 6,000 | 9,000 | 6,000 | 1 |" in page
+    # 20,000, then two larger than 30,000, the first of them the median: 30,000 / 6,000 = 5.
+    assert "| toy | state | > 30,000 | 20,000 | > 30,000 | > 30,000 | more than 5 |" in page
+    assert "| toy | oracle | 2,000 | 4,000 | 800 so far | 3,000 | 0.5 |" in page
+    assert "| toy | (reach, reach), (raise, raise) | 3 of 3 | 2 | 1 | 0 |" in page
+    assert "| toy | state | 0 | not solved | 30,000 | 30,000 | 1.0 | 2% | - | - |" in page
+
+
+def command(place, *arguments):
+    return subprocess.Popen(
+        [COMMAND, *arguments], cwd=place, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+
+
+def test_an_experiment_that_is_stopped_goes_on_to_the_same_result(tmp_path):
+    process = command(tmp_path, *ORACLE)
+    metrics = tmp_path / "runs" / "paper-sim" / "toy-oracle-seed0" / "metrics.csv"
+    deadline = time.monotonic() + 120
+    while not (metrics.exists() and len(metrics.read_text().splitlines()) > 3):
+        assert process.poll() is None, process.stdout.read()
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    process.send_signal(signal.SIGTERM)
+    output, _ = process.communicate(timeout=60)
+    assert process.returncode == 0, output
+    assert "Stopped. Continue with: taskschema experiment paper-sim --tasks toy" in output
+    results = tmp_path / "results" / "paper-sim"
+    stopped = json.loads((results / "summary.json").read_text())["cells"][0]
+    assert stopped["state"] == "interrupted"
+    assert f"{stopped['episodes']:,} so far" in (results / "README.md").read_text()
+
+    output, _ = command(tmp_path, *ORACLE).communicate(timeout=120)
+    assert "Going on after" in output, output
+    done = json.loads((results / "summary.json").read_text())["cells"][0]
+    assert done["state"] == "solved"
+    assert done["episodes"] > stopped["episodes"]
+    whole = ["train", "toy", "--policy", "oracle", "--workers", "0", "--api", "none", "--run-dir", "whole"]
+    command(tmp_path, *whole).communicate(timeout=120)
+    assert command(tmp_path, "hash", "whole").communicate(timeout=60)[0].strip() == done["sha256"]
+
+    # A third start has nothing to train, not even where the runs are gone; the figure comes from the tables.
+    metrics.parent.rename(tmp_path / "gone")
+    output, _ = command(tmp_path, *ORACLE).communicate(timeout=60)
+    assert "All cells are done" in output
+    assert "Training" not in output
+    (results / "figure.png").unlink()
+    output, _ = command(tmp_path, "plot", "results/paper-sim").communicate(timeout=60)
+    assert (results / "figure.png").read_bytes().startswith(b"\x89PNG"), output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["paper-real"], "Unknown experiment 'paper-real'. .*Valid: paper-sim"),
+        (["paper-sim", "--tasks", "toy,pickin"], "Unknown task 'pickin'"),
+        (["paper-sim", "--policies", "oracel"], "Unknown policy 'oracel'. Did you mean 'oracle'"),
+    ],
+)
+def test_bad_words_are_named_with_the_valid_ones(tmp_path, arguments, words):
+    process = command(tmp_path, "experiment", *arguments)
+    output, _ = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert re.search(words, output), output
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_results_of_other_settings_or_damaged_ones_stop_it_and_stay(tmp_path):
+    folder = ResultsFolder(tmp_path / "results" / "paper-sim")
+    folder.make()
+    other = RunConfig(task="toy", policy="oracle", slots=7).config_hash
+    folder.write(Summary(experiment="paper-sim", cells=(result("toy", "oracle", 0, 600, config_hash=other),)))
+    before = (folder.path / "summary.json").read_bytes()
+    output, _ = command(tmp_path, *ORACLE).communicate(timeout=60)
+    assert "toy-oracle-seed0 with other settings" in output
+    assert (folder.path / "summary.json").read_bytes() == before
+    (folder.path / "summary.json").write_text("{")
+    output, _ = command(tmp_path, *ORACLE).communicate(timeout=60)
+    assert "summary.json cannot be read" in output

@@ -1,0 +1,116 @@
+"""A twin in a thread of the test's process, and drivers connected to it."""
+
+import asyncio
+import threading
+from collections.abc import Coroutine
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taskschema.kinematics.sawyer import rethink_gripper
+from taskschema.tasks.lateral_lifting import LateralLifting
+from taskschema.tasks.scene_task import SceneTask
+from taskschema_robot.clock import Clock
+from taskschema_robot.drivers.rosbridge import RosbridgeAddress, RosbridgeArm
+from taskschema_robot.twin.client import TwinClient
+from taskschema_robot.twin.lock_step import LockStepClock
+from taskschema_robot.twin.service import TwinScene, TwinService
+from taskschema_robot.twin.twin import Twin, TwinOptions
+
+MOUNT = rethink_gripper().closed
+TASK = LateralLifting()
+EPOCH = 1_800_000_000.0
+
+
+@dataclass(frozen=True)
+class Tag:
+    number: int
+    size: float
+    position: tuple[float, float, float]
+    x_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    y_axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
+
+
+TABLE_TAGS = tuple(
+    Tag(40 + index, 0.08, (x, y, 0.0))
+    for index, (x, y) in enumerate((x, y) for x in (-0.46, 0.46) for y in (-0.3, 0.0, 0.3))
+)
+BAR_TAGS = (Tag(4, 0.06, (-0.4, 0.0, 0.025)), Tag(5, 0.06, (0.4, 0.0, 0.025)))
+
+
+def bar_scene(task: SceneTask = TASK) -> TwinScene:
+    pose = task.draw_instance(np.random.default_rng(0)).pose
+    markers = {"world": TABLE_TAGS, "object": BAR_TAGS}
+    return TwinScene(task.name, task.object_mjcf, pose, markers, MOUNT)
+
+
+class RunningTwin:
+    """A twin in its own thread and event loop: clients reach it through real sockets."""
+
+    def __init__(self, options: TwinOptions, scene: TwinScene | None = None) -> None:
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, name="twin", daemon=True)
+        self._thread.start()
+        self.service = TwinService(scene or bar_scene(), options)
+        self.run(self.service.start())
+
+    def run(self, work: Coroutine[Any, Any, Any]) -> Any:
+        return asyncio.run_coroutine_threadsafe(work, self._loop).result(30)
+
+    @property
+    def twin(self) -> Twin:
+        return self.service.twin
+
+    @property
+    def control_url(self) -> str:
+        return f"ws://127.0.0.1:{self.service.control.port}"
+
+    def url(self, arm: int) -> str:
+        return f"ws://127.0.0.1:{self.twin.robots[arm].server.port}"
+
+    def close(self) -> None:
+        self.run(self.service.stop())
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+
+def arm_of(running: RunningTwin, arm: int, clock: Clock) -> RosbridgeArm:
+    """A driver, not connected yet."""
+    pings = 0.5 if running.twin.options.real_time else None
+    driver = RosbridgeArm(("left", "right")[arm], RosbridgeAddress(running.url(arm), MOUNT, pings), clock)
+    if isinstance(clock, LockStepClock):
+        clock.watch(lambda: driver.connection)
+    return driver
+
+
+class LockStep:
+    """A twin in lock-step with both arms connected, enabled and calibrated."""
+
+    def __init__(self, scene: TwinScene | None = None) -> None:
+        self.running = RunningTwin(TwinOptions(real_time=False, calibrated=True, epoch=EPOCH), scene)
+        self.client = TwinClient(self.running.control_url)
+        self.clock = LockStepClock(self.client)
+        self.arms = tuple(arm_of(self.running, arm, self.clock) for arm in (0, 1))
+        for arm in self.arms:
+            arm.connect()
+            arm.set_speed_ratio(1.0)
+            arm.enable()
+
+    def stream(self, arm: RosbridgeArm, goal: np.ndarray, seconds: float) -> None:
+        """Send set-points at 100 Hz along a smooth straight path to `goal` [7]."""
+        start = arm.state().positions
+        for share in np.linspace(0.0, 1.0, round(seconds * 100) + 1)[1:]:
+            smooth = share * share * (3.0 - 2.0 * share)
+            arm.command(start + smooth * (goal - start))
+            self.sleep(0.01)
+
+    def sleep(self, seconds: float) -> None:
+        self.clock.sleep_until(self.clock.now() + seconds)
+
+    def close(self) -> None:
+        for arm in self.arms:
+            arm.close()
+        self.client.close()
+        self.running.close()
