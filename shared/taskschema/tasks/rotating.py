@@ -10,7 +10,7 @@ from taskschema.skills.pairs import PairSpace
 from taskschema.skills.registry import SKILLS
 from taskschema.tasks.hinge_task import HingeTask
 
-FOOT_RADIUS = 0.03
+FOOT_RADIUS = 0.04
 """[m]"""
 FOOT_HEIGHT = 0.01
 """[m]"""
