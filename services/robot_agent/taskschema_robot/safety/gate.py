@@ -30,7 +30,7 @@ class SafetyGate:
     """Both arms behind the gate; see `GatedArms`. The only object in the agent that commands a driver.
 
     Args:
-        drivers: of the left and the right arm, connected.
+        drivers: of the left and the right arm, connected by `prepare`.
         clock: the agent's.
         limits: of every check.
         monitors: what else has to be well during a motion.
@@ -56,8 +56,6 @@ class SafetyGate:
         self._fault: Fault | None = None
         self._openings: list[float | None] = [None, None]
         self._held_at: FloatArray | None = None
-        for driver in drivers:
-            driver.set_speed_ratio(1.0)  # the set-points themselves are as slow as they should be
 
     @property
     def limits(self) -> SafetyLimits:
@@ -95,6 +93,18 @@ class SafetyGate:
         """Stop both arms and latch it; see `GatedArms`."""
         self._latch(Fault(FaultKind.REQUESTED, reason, self._clock.now()))
 
+    def prepare(self) -> None:
+        """Connect what is not connected, enable the arms and calibrate grippers: the fingers move.
+
+        Raises:
+            RobotError: if an arm is away or cannot be enabled.
+
+        """
+        for driver in self._drivers:
+            _make_ready(driver)
+            if not driver.state().gripper.calibrated:
+                driver.calibrate_gripper()
+
     def acknowledge(self, person: str) -> None:
         """Clear the latched fault in a person's name: reset what is stopped and enable the arms.
 
@@ -106,13 +116,7 @@ class SafetyGate:
         if fault is None:
             return
         for driver in self._drivers:
-            if not driver.connected:
-                driver.connect()
-            state = driver.state()
-            if state.stopped or state.error or state.collision:
-                driver.reset()
-            if not driver.state().enabled:
-                driver.enable()
+            _make_ready(driver)
         self._openings, self._held_at = [None, None], None
         log.warning("%s acknowledged: %s", person, fault.reason)
         with self._lock:
@@ -244,3 +248,13 @@ class SafetyGate:
             log.error("FAULT (%s): %s", fault.kind, fault.reason)
             if self._on_fault is not None:
                 self._on_fault(fault)
+
+
+def _make_ready(driver: ArmDriver) -> None:
+    """Connect, end a stop, and enable, as far as it is needed."""
+    if not driver.connected:
+        driver.connect()
+    driver.set_speed_ratio(1.0)  # the set-points themselves are as slow as they should be
+    driver.reset()
+    if not driver.state().enabled:
+        driver.enable()

@@ -161,9 +161,7 @@ class _Audit:
         confirmed = self._rates(schemas, hopeful, CONFIRM_PART, self.effort.confirm)
         return [SchemaRate(schemas[index], rate) for index, rate in zip(hopeful, confirmed, strict=True)]
 
-    def _rates(
-        self, schemas: Sequence[Schema], chosen: Sequence[int], part: int, count: int
-    ) -> list[Rate]:
+    def _rates(self, schemas: Sequence[Schema], chosen: Sequence[int], part: int, count: int) -> list[Rate]:
         """Return the success rates of the chosen schemas on `count` instances each, many schemas a batch."""
         name = {SCREEN_PART: "all schemas", CONFIRM_PART: "schemas that succeed"}[part]
         together, rates = max(1, BATCH // count), []
