@@ -35,6 +35,7 @@ def run(
     speed_ratio: Annotated[
         float, typer.Option(min=0.01, max=1.0, help="Share of the arms' speed: 0.1 at first.")
     ] = 0.1,
+    rate: Annotated[int, typer.Option(min=50, max=100, help="Set-points a second.")] = 100,
     unattended: Annotated[
         bool, typer.Option("--unattended", help="Ask nobody: a twin's object puts itself back.")
     ] = False,
@@ -60,7 +61,9 @@ def run(
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, request)
-    serve(Serving(name, item, redis, twin, left, right, folder, speed_ratio), _operator(unattended), stop)
+    serve(
+        Serving(name, item, redis, twin, left, right, folder, speed_ratio, rate), _operator(unattended), stop
+    )
 
 
 def _operator(unattended: bool) -> "Operator":

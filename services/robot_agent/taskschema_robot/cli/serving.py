@@ -46,6 +46,8 @@ class Serving:
     folder: Path
     """Of the agent's own log, one folder a run below it."""
     speed_ratio: float
+    rate: int
+    """Set-points a second."""
 
 
 def serve(options: Serving, operator: Operator, stop: threading.Event) -> None:
@@ -56,7 +58,10 @@ def serve(options: Serving, operator: Operator, stop: threading.Event) -> None:
     """
     run = Path(options.run).name
     url = options.redis or embedded_redis_url(Path(options.run))
-    item, limits = get_object(options.item), SafetyLimits(speed_ratio=options.speed_ratio)
+    item, limits = (
+        get_object(options.item),
+        SafetyLimits(speed_ratio=options.speed_ratio, period=1.0 / options.rate),
+    )
     with ExitStack() as stack:
         records = RunRecords(connect(url))
         task = task_of(records.config(run))

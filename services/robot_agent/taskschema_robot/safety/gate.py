@@ -1,5 +1,6 @@
 """The gate: holds the drivers of both arms, and lets checked motions through and nothing else."""
 
+import dataclasses
 import logging
 import threading
 from collections import deque
@@ -22,6 +23,9 @@ from taskschema_robot.safety.sweep import Sweep
 from taskschema_robot.safety.watchdog import Monitor, watch_monitors, watch_states, watch_tracking
 
 log = logging.getLogger("taskschema.robot.safety")
+
+RECOVERY_WRENCH = 1.2
+"""How many times the wrench at its start a recovery may meet: arms that are pressed against something."""
 
 Listener = Callable[[Fault], None]
 
@@ -56,6 +60,7 @@ class SafetyGate:
         self._fault: Fault | None = None
         self._openings: list[float | None] = [None, None]
         self._held_at: FloatArray | None = None
+        self._watched = limits
 
     @property
     def limits(self) -> SafetyLimits:
@@ -80,6 +85,7 @@ class SafetyGate:
 
     def execute(self, motion: Motion, *, recovering: bool = False) -> Refusal | None:
         """Make a motion, or refuse it; see `GatedArms`."""
+        self._watched = self._relaxed() if recovering else self._limits
         self._demand_health()
         refusal = self.check(motion, recovering=recovering)
         if refusal is not None:
@@ -122,13 +128,27 @@ class SafetyGate:
         with self._lock:
             self._fault = None
 
+    def _relaxed(self) -> SafetyLimits:
+        """Return limits under which arms that press on something already may leave it."""
+        wrenches = np.stack([state.wrench for state in self.states()])
+        force, torque = (
+            np.sqrt((part * part).sum(axis=1)).max() for part in (wrenches[:, :3], wrenches[:, 3:])
+        )
+        if not np.isfinite(force + torque):
+            return self._limits
+        return dataclasses.replace(
+            self._limits,
+            force=max(self._limits.force, RECOVERY_WRENCH * float(force)),
+            torque=max(self._limits.torque, RECOVERY_WRENCH * float(torque)),
+        )
+
     # During a motion
 
     def _demand_health(self) -> None:
         """Raise FaultError unless everything is well now."""
         if self._fault is None:
             now = self._clock.now()
-            fault = self._disconnected(now) or watch_states(self.states(), now, self._limits)
+            fault = self._disconnected(now) or watch_states(self.states(), now, self._watched)
             fault = fault or watch_monitors(self._monitors, now)
             if fault is not None:
                 self._latch(fault)
@@ -196,7 +216,7 @@ class SafetyGate:
         now, states = self._clock.now(), self.states()
         fault = (
             self._disconnected(now)
-            or watch_states(states, now, self._limits)
+            or watch_states(states, now, self._watched)
             or watch_tracking(states, np.stack(recent, axis=1), now, self._limits)
             or watch_monitors(self._monitors, now)
         )
