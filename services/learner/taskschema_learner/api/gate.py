@@ -55,7 +55,7 @@ class Gate:
 
 
 def _too_often(limit: RateLimitItem, what: str) -> JSONResponse:
-    line = f"This address sent more than {limit.amount} {what} in {limit.get_expiry()} s: wait, and try again."
+    line = f"This address sent more than {limit.amount} {what} in {limit.get_expiry()} s: wait and try again."
     headers = {"Retry-After": str(limit.get_expiry())}
     return JSONResponse({"detail": line}, status_code=429, headers=headers)
 
