@@ -13,7 +13,7 @@ from pathlib import Path
 
 from tests.compose.engine import SkippedError, compose_command
 from tests.compose.schema_watch import SchemaWatch
-from tests.compose.stack import RUN, Stack, docker
+from tests.compose.stack import RUN, Stack, docker, image_sizes
 
 TASK = "lateral-lifting"
 KILL_ALL = ("sh", "-c", "kill -9 -1")
@@ -49,6 +49,8 @@ def check(stack: Stack) -> str:
     up = timed(stack, "up", "-d", "--no-build", "--scale", "worker=2")
     up += stack.workers_become(2) + stack.rounds_pass(2)
     say(f"built in {build:.0f} s, two rounds after {up:.0f} s")
+    say("images, beyond their base: " + ", ".join(f"{k} {v / 1e6:.0f} MB" for k, v in image_sizes().items()))
+    say("memory: " + ", ".join(f"{name} {size}" for name, size in stack.memory().items()))
     with SchemaWatch(stack) as watch:
         grown = scale(stack, 6)
         stack.rounds_pass(1)

@@ -68,6 +68,14 @@ class Stack:
         )
         return found.split()[::-1]
 
+    def memory(self) -> dict[str, str]:
+        """Return what each running container holds, by its name."""
+        label = f"label=com.docker.compose.project={PROJECT}"
+        ids = docker("ps", "-q", "--filter", label).split()
+        lines = docker("stats", "--no-stream", "--format", "{{.Name}}={{.MemUsage}}", *ids).splitlines()
+        used = dict(line.partition("/")[0].strip().split("=") for line in lines)
+        return {name.removeprefix(PROJECT).strip("_-"): size for name, size in sorted(used.items())}
+
     def get(self, path: str) -> Any:
         """Return the API's answer.
 
@@ -126,6 +134,22 @@ class Stack:
             if time.monotonic() > deadline:
                 raise TimeoutError(f"no sign of {what} after {PATIENCE_SECONDS:.0f} s")
             time.sleep(0.2)
+
+
+def image_sizes() -> dict[str, int]:
+    """Return what each image adds to the base that it starts from [bytes]."""
+    sizes = {}
+    for path in sorted((ROOT / "deploy/docker").glob("*.Dockerfile")):
+        name = path.name.removesuffix(".Dockerfile")
+        base = path.read_text(encoding="utf-8").partition("FROM ")[2].split()[0]
+        for image in [name, "embedded"] if name == "learner" else [name]:
+            if image != "robot":  # of another profile
+                sizes[image] = _size(f"taskschema-{image}:0.1.0") - _size(base)
+    return sizes
+
+
+def _size(image: str) -> int:
+    return int(docker("image", "inspect", "--format", "{{.Size}}", image))
 
 
 def docker(*words: str) -> str:

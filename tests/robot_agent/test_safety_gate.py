@@ -80,7 +80,7 @@ def gripper_error(arm: RecordingArm) -> None:
         (say(stopped=True), FaultKind.STOPPED),
         (say(emergency_stop=True, stopped=True), FaultKind.EMERGENCY_STOP),
         (say(error=True), FaultKind.ROBOT_ERROR),
-        (say(wrench=np.array([0, 80.0, 0, 0, 0, 0])), FaultKind.WRENCH),
+        (say(wrench=np.array([0, 100.0, 0, 0, 0, 0])), FaultKind.WRENCH),
         (say(wrench=np.array([0, 0, 0, 0, 20.0, 0])), FaultKind.WRENCH),
         (say(positions=np.full(7, np.nan)), FaultKind.STATE_AGE),
         (gripper_error, FaultKind.GRIPPER),
@@ -212,3 +212,16 @@ def test_arms_that_touch_may_part_but_not_press_on():
     closer = skill_motion(HOME, ("top_grasp", "top_grasp"), ([0, 0, 2.4], [0, 0, 2.4])).joints[:, -1]
     with pytest.raises(RecoveryError, match="cuff"):
         return_home(again.gate, closer, OPEN, period=PERIOD, speed_ratio=0.5, recovering=True)
+
+
+def test_an_arm_that_is_pressed_against_something_may_leave_it():
+    bench = TestBench()
+    bench.arms[0].changes["wrench"] = np.array([0.0, 0.0, 300.0, 0.0, 0.0, 0.0])
+    with pytest.raises(FaultError, match="force"):
+        bench.gate.execute(straight(HOME, swing()))
+    bench.gate.acknowledge("tester")
+    bench.arms[0].changes["wrench"] = np.array([0.0, 0.0, 300.0, 0.0, 0.0, 0.0])
+    assert bench.gate.execute(straight(HOME, swing()), recovering=True) is None
+    bench.clock.after(0.1, lambda: bench.arms[0].changes.update(wrench=np.array([0, 0, 400.0, 0, 0, 0])))
+    with pytest.raises(FaultError, match="400 N"):
+        bench.gate.execute(straight(swing(), HOME), recovering=True)

@@ -14,6 +14,7 @@ from taskschema.bus.connection import connect
 from taskschema.bus.learner_bus import LearnerBus
 from taskschema.bus.records import RunRecords
 from taskschema.bus.worker_bus import WorkerBus
+from taskschema.bus.worker_info import AgentKind
 from taskschema.config import RunConfig
 from taskschema.errors import ConfigError, RunFolderError
 from taskschema.logs import bind
@@ -57,6 +58,8 @@ class TrainOptions:
     """Its certificate and key; None: no TLS."""
     device: str = "cpu"
     """torch device of the learner."""
+    agent: AgentKind = "simulation"
+    """Who runs the episodes: `simulation` starts workers, `robot` waits for `taskschema-robot run`."""
 
 
 def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
@@ -151,7 +154,12 @@ def _difference(old: RunConfig, new: RunConfig) -> str:
 def _start_workers(
     stack: ExitStack, options: TrainOptions, url: str, run: str
 ) -> tuple[Callable[[], object], int]:
-    """Start rollout actors, or a worker here; return what tends them and how many there are."""
+    """Start rollout actors, or a worker here; return what tends them and how many there are.
+
+    Robots are not started from here: their agent joins the run by itself.
+    """
+    if options.agent == "robot":
+        return lambda: None, 0
     if options.workers == 0:
         from taskschema_worker.worker import Worker
 

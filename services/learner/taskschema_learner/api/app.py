@@ -21,6 +21,7 @@ from taskschema_learner.api.models import Problem
 from taskschema_learner.api.problems import RequestError
 from taskschema_learner.api.rates import Rates
 from taskschema_learner.api.routes import ROUTERS
+from taskschema_learner.api.scopes import methods_of
 from taskschema_learner.api.source import RunSource
 from taskschema_learner.api.state import ApiState
 
@@ -130,7 +131,9 @@ async def _on_http_error(request: Request, error: Exception) -> JSONResponse:
         line = "The request's body is no JSON in UTF-8."
     elif error.status_code == 405:
         line = f"{request.method[:20]} is not possible here: GET /docs lists every path and method."
-    headers = dict(error.headers) if error.headers else None
+    headers = dict(error.headers) if error.headers else {}
+    if error.status_code == 405 and (methods := methods_of(request.url.path)):
+        headers["Allow"] = ", ".join(methods)  # all of the path's: the router knows one route's
     return _problem(error.status_code, line, headers)
 
 

@@ -39,18 +39,27 @@ def main(arguments: list[str] | None = None) -> int:
         given = os.environ.get(TOKEN_VARIABLE)
         token = new_token() if given is None else given
         access = Access(address, Tokens.of(token))
-        if options.parent is None:
-            url = address.url(tls=tls is not None)
-            print(f"API: {url} (documentation: {url}/docs)", flush=True)
-            if given is None:
-                print(f"Token for changes: {token}", flush=True)
-            if tls is None and not address.is_loopback:
-                print("Tokens travel in clear text: put TLS before it, or give a certificate.", flush=True)
-        serve(source, access, listener, options.run, tls)
+        lines = _announcement(address, tls, token if given is None else None)
+
+        def announce() -> None:
+            if options.parent is None:
+                print("\n".join(lines), flush=True)
+
+        serve(source, access, listener, options.run, tls, announce)
     except TaskschemaError as error:
         print(error, file=sys.stderr)
         return 1
     return 0
+
+
+def _announcement(address: Address, tls: Tls | None, new_token: str | None) -> list[str]:
+    url = address.url(tls=tls is not None)
+    lines = [f"API: {url} (documentation: {url}/docs)"]
+    if new_token is not None:
+        lines.append(f"Token for changes: {new_token}")
+    if tls is None and not address.is_loopback:
+        lines.append("Tokens travel in clear text: put TLS before it, or give a certificate.")
+    return lines
 
 
 def _parser() -> argparse.ArgumentParser:

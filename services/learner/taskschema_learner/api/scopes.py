@@ -53,3 +53,9 @@ def need_of(method: str, path: str) -> Need:
         if known == method and pattern.fullmatch(path):
             return need
     return READ if method in SAFE_METHODS else CONTROL
+
+
+def methods_of(path: str) -> list[str]:
+    """Return the methods that a path is asked with."""
+    exact = {method for method, known in NEEDS if known == path}
+    return sorted(exact | {method for method, pattern, _ in _TEMPLATES if pattern.fullmatch(path)})

@@ -1,6 +1,7 @@
 """Running the API: in this process until it is told to stop."""
 
 import socket
+from collections.abc import Callable
 
 import uvicorn
 
@@ -19,6 +20,7 @@ def serve(
     listener: socket.socket,
     default_run: str | None = None,
     tls: Tls | None = None,
+    on_start: Callable[[], None] = lambda: None,
 ) -> None:
     """Serve until SIGINT or SIGTERM, then let running requests end and return.
 
@@ -28,6 +30,7 @@ def serve(
         listener: `access.address.listen()`, opened by the caller, who can so tell the port before.
         default_run: the run that is meant where a request names none.
         tls: certificate and key; None: no TLS.
+        on_start: called when requests are answered.
 
     """
     app = build_app(source, access, default_run)
@@ -42,6 +45,16 @@ def serve(
         ssl_certfile=None if tls is None else tls.certificate,
         ssl_keyfile=None if tls is None else tls.key,
     )
-    server = uvicorn.Server(config)
+    server = _Server(config, on_start)
     app.state.api.closing = lambda: server.should_exit
     server.run(sockets=[listener])
+
+
+class _Server(uvicorn.Server):
+    def __init__(self, config: uvicorn.Config, on_start: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._on_start = on_start
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        self._on_start()

@@ -7,7 +7,7 @@ import typer
 
 from taskschema_learner.cli.run_reference import find_run
 
-CAMERAS = ("front", "overhead")
+CAMERAS = ("front", "close", "overhead")
 
 
 def register(app: typer.Typer) -> None:
@@ -36,7 +36,7 @@ def replay(
         typer.Option("--sampled", help="A run's sampled actions, as in training, instead of its mean ones."),
     ] = False,
     camera: Annotated[
-        str, typer.Option(metavar="front|overhead", help="From the table's side, or straight down.")
+        str, typer.Option(metavar="front|close|overhead", help="Both arms, the hands, or straight down.")
     ] = "front",
     width: Annotated[int, typer.Option(min=64, max=1920, help="Of the film [pixel].")] = 640,
     height: Annotated[int, typer.Option(min=64, max=1440, help="Of the film [pixel].")] = 480,

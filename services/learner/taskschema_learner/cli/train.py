@@ -5,13 +5,14 @@ import shlex
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, cast, get_args
 
 import typer
 
 from taskschema_learner.cli import train_options as option
 
 if TYPE_CHECKING:
+    from taskschema.bus.worker_info import AgentKind
     from taskschema.config import RunConfig
     from taskschema_learner.composition import TrainOptions
     from taskschema_learner.run_folder import RunFolder
@@ -38,6 +39,7 @@ def train(
     rounds: option.Rounds = None,
     resume: option.Resume = False,
     run_dir: option.RunDir = None,
+    agent: option.Agent = "simulation",
     workers: option.Workers = None,
     redis: option.Redis = None,
     ray: option.Ray = None,
@@ -66,7 +68,7 @@ def train(
         folder = _run_to_resume(run_dir, task, task_file, policy, seed)
         run_dir, config = folder.path, folder.config
     else:
-        config = _new_config(task, task_file)
+        config = _new_config(task, task_file, agent)
     config = _with_options(config, given)
     tls = Tls.of(api_tls_cert, api_tls_key)
 
@@ -86,13 +88,29 @@ def train(
             api=None if api == "none" else api,
             api_tls=tls,
             device=device,
+            agent=_agent_kind(agent),
         ),
         log_format,
     )
 
 
-def _new_config(task: str | None, task_file: str | None) -> "RunConfig":
-    """Return the config of a task with all defaults.
+def _agent_kind(name: str) -> "AgentKind":
+    """Return who runs the episodes.
+
+    Raises:
+        UnknownNameError: if there is no such kind of agent.
+
+    """
+    from taskschema.bus.worker_info import AgentKind
+    from taskschema.errors import UnknownNameError
+
+    if name not in get_args(AgentKind):
+        raise UnknownNameError("agent", name, get_args(AgentKind))
+    return cast("AgentKind", name)
+
+
+def _new_config(task: str | None, task_file: str | None, agent: str) -> "RunConfig":
+    """Return the config of a task with all defaults, for workers or for a robot.
 
     Raises:
         TaskschemaError: if there is no such task.
@@ -100,12 +118,13 @@ def _new_config(task: str | None, task_file: str | None) -> "RunConfig":
     """
     from taskschema.errors import ConfigError
     from taskschema.tasks.registry import read_task_file
-    from taskschema_learner.default_config import default_config
+    from taskschema_learner.default_config import default_config, robot_config
 
     if (task is None) == (task_file is None):
         raise ConfigError("Name a TASK (see `taskschema tasks`) or give --task-file FILE:CLASS, one of both.")
     name, source = (task, None) if task_file is None else read_task_file(task_file)
-    return default_config(name or "", task_source=source)
+    config = default_config(name or "", task_source=source)
+    return robot_config(config) if _agent_kind(agent) == "robot" else config
 
 
 def _run_to_resume(
@@ -236,6 +255,8 @@ def _run(options: "TrainOptions", log_kind: str) -> None:
 def _resume_command(options: "TrainOptions") -> str:
     """Return what goes on with the run; secrets in the Redis URL are left for the person to fill in."""
     words = ["taskschema", "train", "--resume", "--run-dir", str(options.run_dir)]
+    if options.agent != "simulation":
+        words += ["--agent", options.agent]
     if options.workers is not None:
         words += ["--workers", str(options.workers)]
     if options.redis is not None:

@@ -81,6 +81,15 @@ RunDir = Annotated[
         rich_help_panel=_PLACE,
     ),
 ]
+Agent = Annotated[
+    str,
+    typer.Option(
+        metavar="simulation|robot",
+        help="Who runs the episodes. robot: one-episode slots and the paper's settings for the robot; "
+        "waits for `taskschema-robot run`.",
+        rich_help_panel=_PLACE,
+    ),
+]
 Workers = Annotated[
     int | None,
     typer.Option(

@@ -10,9 +10,12 @@ FONT = "sans"
 WEIGHT = 500
 """Of letters: 400 is regular, 700 bold."""
 WHITE, GREY = (255, 255, 255), (205, 210, 216)
+INK = (40, 48, 58)
 GREEN, RED = (110, 231, 140), (255, 138, 128)
 DARKENED = 0.38
 """Brightness of the picture behind text."""
+LIGHTENED = 0.3
+"""Of the picture's darkness, what is left behind the title."""
 HEIGHT_SHARE, TEXT_SHARE = 0.105, 0.038
 """Height of the strip and of its letters, as shares of the frame's height."""
 
@@ -50,8 +53,9 @@ class Captions:
     def title(self, frame: Frame, text: str) -> None:
         """Write a title into the upper left corner of a frame, in place."""
         margin = self._size
-        self._put(frame, text, (margin + 1, 2 * margin + 1), WHITE)
-        self._put(frame, text, (margin, 2 * margin), (40, 48, 58))
+        corner = frame[: 2 * margin + margin // 2, : self._width(text) + 2 * margin]
+        corner[:] = (255 - LIGHTENED * (255.0 - corner)).astype(np.uint8)
+        self._put(frame, text, (margin, 2 * margin - margin // 3), INK)
 
     def _width(self, text: str) -> int:
         _, _, width, _ = cv2.getTextSize((1, 1), text, (0, 0), self._font, self._size, WEIGHT)

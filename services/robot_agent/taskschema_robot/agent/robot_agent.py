@@ -20,7 +20,7 @@ from taskschema_robot.agent.episode_log import EpisodeLog
 from taskschema_robot.agent.operator import Operator
 from taskschema_robot.agent.progress import Progress
 from taskschema_robot.agent.world import EpisodeDroppedError
-from taskschema_robot.safety.fault import FaultError
+from taskschema_robot.safety.fault import FaultError, RecoveryError
 
 log = logging.getLogger("taskschema.robot")
 
@@ -28,6 +28,8 @@ LEASE_SECONDS = 6 * 3600.0
 """A robot's slot stays its own for hours: nobody else can run it."""
 BLOCK_MS = 1_000
 RETRY_SECONDS = 1.0
+MOST_RECOVERIES = 5
+"""Faults on the way home after which only a person's hands help."""
 MOST_ATTEMPTS = 20
 """An episode that is dropped so often stops the agent: something is wrong with more than the episode."""
 
@@ -119,13 +121,17 @@ class RobotAgent:
     def _recover(self, error: FaultError) -> None:
         """Wait for a person's acknowledgement, then bring the arms home slowly; again if that fails, too."""
         fault = error.fault
-        while True:
+        for _ in range(MOST_RECOVERIES):
             try:
                 self._arms.acknowledge(self._operator.acknowledge(fault))
                 self._runner.go_home(recovering=True)
                 return
             except FaultError as another:
                 fault = another.fault
+        raise RecoveryError(
+            f"The arms did not get home in {MOST_RECOVERIES} tries, the last time for this: {fault.reason}. "
+            "Free them by hand, then start the agent again: nothing is lost."
+        )
 
     def _reviewed(self, trajectory: Trajectory, record: EpisodeRecord) -> Trajectory:
         """Return the trajectory with the outcome that a person lets stand."""

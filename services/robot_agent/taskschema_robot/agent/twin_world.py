@@ -6,7 +6,9 @@ import numpy as np
 
 from taskschema.arrays import FloatArray
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
+from taskschema_robot.agent.start_pose import start_pose
 from taskschema_robot.clock import Clock
+from taskschema_robot.objects.robot_object import RobotObject
 from taskschema_robot.reward.judge import Judgement, Outcome
 
 SETTLE_SECONDS = 0.2
@@ -31,18 +33,20 @@ class TrueWorld:
     Args:
         twin: that simulates the object.
         task: whose goal decides.
+        item: the object on its table.
         clock: the agent's.
 
     """
 
-    def __init__(self, twin: ObjectControl, task: SceneTask, clock: Clock) -> None:
+    def __init__(self, twin: ObjectControl, task: SceneTask, item: RobotObject, clock: Clock) -> None:
         self._twin = twin
+        self._item = item
         self._task = task
         self._clock = clock
 
     def reset(self, instance: ObjectInstance) -> FloatArray:
         """Put the object where the episode starts; see `World`."""
-        self._twin.place_object(instance.pose)
+        self._twin.place_object(start_pose(self._item, instance))
         self._clock.sleep_until(self._clock.now() + SETTLE_SECONDS)
         return self._twin.object_pose()
 

@@ -7,7 +7,7 @@ import typer
 
 from taskschema import __version__
 from taskschema.errors import TaskschemaError
-from taskschema_robot.cli import fault, twin
+from taskschema_robot.cli import fault, run, twin
 
 app = typer.Typer(
     help="Drive two Sawyer arms: run episodes with the current policy, on the robots or on their twin.",
@@ -17,7 +17,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for module in (twin, fault):
+for module in (twin, fault, run):
     module.register(app)
 
 

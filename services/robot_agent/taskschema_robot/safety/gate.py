@@ -1,5 +1,6 @@
 """The gate: holds the drivers of both arms, and lets checked motions through and nothing else."""
 
+import dataclasses
 import logging
 import threading
 from collections import deque
@@ -23,6 +24,9 @@ from taskschema_robot.safety.watchdog import Monitor, watch_monitors, watch_stat
 
 log = logging.getLogger("taskschema.robot.safety")
 
+RECOVERY_WRENCH = 1.2
+"""How many times the wrench at its start a recovery may meet: arms that are pressed against something."""
+
 Listener = Callable[[Fault], None]
 
 
@@ -30,7 +34,7 @@ class SafetyGate:
     """Both arms behind the gate; see `GatedArms`. The only object in the agent that commands a driver.
 
     Args:
-        drivers: of the left and the right arm, connected.
+        drivers: of the left and the right arm, connected by `prepare`.
         clock: the agent's.
         limits: of every check.
         monitors: what else has to be well during a motion.
@@ -56,8 +60,7 @@ class SafetyGate:
         self._fault: Fault | None = None
         self._openings: list[float | None] = [None, None]
         self._held_at: FloatArray | None = None
-        for driver in drivers:
-            driver.set_speed_ratio(1.0)  # the set-points themselves are as slow as they should be
+        self._watched = limits
 
     @property
     def limits(self) -> SafetyLimits:
@@ -82,6 +85,7 @@ class SafetyGate:
 
     def execute(self, motion: Motion, *, recovering: bool = False) -> Refusal | None:
         """Make a motion, or refuse it; see `GatedArms`."""
+        self._watched = self._relaxed() if recovering else self._limits
         self._demand_health()
         refusal = self.check(motion, recovering=recovering)
         if refusal is not None:
@@ -95,6 +99,18 @@ class SafetyGate:
         """Stop both arms and latch it; see `GatedArms`."""
         self._latch(Fault(FaultKind.REQUESTED, reason, self._clock.now()))
 
+    def prepare(self) -> None:
+        """Connect what is not connected, enable the arms and calibrate grippers: the fingers move.
+
+        Raises:
+            RobotError: if an arm is away or cannot be enabled.
+
+        """
+        for driver in self._drivers:
+            _make_ready(driver)
+            if not driver.state().gripper.calibrated:
+                driver.calibrate_gripper()
+
     def acknowledge(self, person: str) -> None:
         """Clear the latched fault in a person's name: reset what is stopped and enable the arms.
 
@@ -106,17 +122,25 @@ class SafetyGate:
         if fault is None:
             return
         for driver in self._drivers:
-            if not driver.connected:
-                driver.connect()
-            state = driver.state()
-            if state.stopped or state.error or state.collision:
-                driver.reset()
-            if not driver.state().enabled:
-                driver.enable()
+            _make_ready(driver)
         self._openings, self._held_at = [None, None], None
         log.warning("%s acknowledged: %s", person, fault.reason)
         with self._lock:
             self._fault = None
+
+    def _relaxed(self) -> SafetyLimits:
+        """Return limits under which arms that press on something already may leave it."""
+        wrenches = np.stack([state.wrench for state in self.states()])
+        force, torque = (
+            np.sqrt((part * part).sum(axis=1)).max() for part in (wrenches[:, :3], wrenches[:, 3:])
+        )
+        if not np.isfinite(force + torque):
+            return self._limits
+        return dataclasses.replace(
+            self._limits,
+            force=max(self._limits.force, RECOVERY_WRENCH * float(force)),
+            torque=max(self._limits.torque, RECOVERY_WRENCH * float(torque)),
+        )
 
     # During a motion
 
@@ -124,7 +148,7 @@ class SafetyGate:
         """Raise FaultError unless everything is well now."""
         if self._fault is None:
             now = self._clock.now()
-            fault = self._disconnected(now) or watch_states(self.states(), now, self._limits)
+            fault = self._disconnected(now) or watch_states(self.states(), now, self._watched)
             fault = fault or watch_monitors(self._monitors, now)
             if fault is not None:
                 self._latch(fault)
@@ -192,7 +216,7 @@ class SafetyGate:
         now, states = self._clock.now(), self.states()
         fault = (
             self._disconnected(now)
-            or watch_states(states, now, self._limits)
+            or watch_states(states, now, self._watched)
             or watch_tracking(states, np.stack(recent, axis=1), now, self._limits)
             or watch_monitors(self._monitors, now)
         )
@@ -244,3 +268,13 @@ class SafetyGate:
             log.error("FAULT (%s): %s", fault.kind, fault.reason)
             if self._on_fault is not None:
                 self._on_fault(fault)
+
+
+def _make_ready(driver: ArmDriver) -> None:
+    """Connect, end a stop, and enable, as far as it is needed."""
+    if not driver.connected:
+        driver.connect()
+    driver.set_speed_ratio(1.0)  # the set-points themselves are as slow as they should be
+    driver.reset()
+    if not driver.state().enabled:
+        driver.enable()

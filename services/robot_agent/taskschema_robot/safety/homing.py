@@ -21,7 +21,9 @@ RETREAT = 0.1
 RISE = 0.12
 """[m] that a hand rises."""
 CLEAR_HEIGHT = 0.3
-"""Height of the end effector [m] above which a hand need not rise."""
+"""Height of an end effector [m] above which a hand need not rise."""
+NEARLY = 0.1
+"""Joints that are all so near home need no detour [rad]."""
 
 
 def return_home(
@@ -65,12 +67,16 @@ def return_home(
 def ways_home(
     measured: FloatArray, home: FloatArray, opening: FloatArray
 ) -> Iterator[tuple[str, tuple[ArmPath, ArmPath]]]:
-    """Yield named ways from `measured` to `home`, both [2, 7], the quickest first."""
+    """Yield named ways from `measured` to `home`, both [2, 7], the most careful or the quickest first."""
     risen, retreated = _risen(measured), _retreated(measured)
     up = _risen(retreated)
     direct, rising = [measured, home], [measured, risen, home]
     backing = [measured, retreated, up, home]
-    for name, points in (("straight", direct), ("up first", rising), ("back and up", backing)):
+    # Something stands between low hands, as a rule: they leave it the way they came.
+    named = [("straight", direct), ("up first", rising), ("back and up", backing)]
+    for name, points in (
+        reversed(named) if _low(measured) and np.abs(measured - home).max() > NEARLY else named
+    ):
         left, right = (_path(arm, points, opening) for arm in (0, 1))
         yield name, (left, right)
     for name, points in (("up", rising), ("back and up", backing)):
@@ -105,6 +111,12 @@ def _risen(joints: FloatArray) -> FloatArray:
 def _retreated(joints: FloatArray) -> FloatArray:
     """Return joint angles [2, 7] with the hands backed off along their fingers."""
     return _moved(joints, lambda position, rotation: -RETREAT * rotation[:, 2])
+
+
+def _low(joints: FloatArray) -> bool:
+    """Return whether a hand is low."""
+    heights = [arm.forward(row[None])[0][0, 2] for arm, row in zip(sawyer_pair(), joints, strict=True)]
+    return bool(min(heights) < CLEAR_HEIGHT)
 
 
 def _missing_height(position: FloatArray) -> float:

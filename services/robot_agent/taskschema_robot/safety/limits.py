@@ -43,7 +43,7 @@ class SafetyLimits:
     """Between the two arms [m]; both hands work on one small object, so it cannot be large."""
     self_clearance: float = 0.01
     """Between links of one arm that are not neighbours [m]."""
-    table_clearance: float = 0.02
+    table_clearance: float = 0.01
     """Between the table and every link but the fingers [m]."""
     finger_clearance: float = 0.003
     """Between the table and the fingers [m]: skills keep the finger tips 6 mm above it."""
@@ -61,8 +61,8 @@ class SafetyLimits:
     """By how much a position servo may lag behind its set-points [s]."""
     late: float = 0.1
     """Longest stall of the stream of set-points [s]; the arms time out after 0.2 s without one."""
-    force: float = 60.0
-    """Largest force at a hand [N]: twice what carrying half of the heaviest object takes."""
+    force: float = 80.0
+    """Largest force at a hand [N]: three times what carrying half of the heaviest object takes."""
     torque: float = 15.0
     """Largest torque at a hand [Nm]."""
     camera_age: float = 1.0

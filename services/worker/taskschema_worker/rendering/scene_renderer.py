@@ -30,7 +30,8 @@ class SceneRenderer:
         task: whose scene it is.
         width: of a frame [pixel].
         height: of a frame [pixel].
-        camera: `overhead` (straight down, x to the right, y up) or `front` (from the table's side).
+        camera: `overhead` (straight down, x to the right, y up), `front` (both arms, from the table's side)
+            or `close` (the hands).
         fine: with shadows, reflections and smooth edges, for people; without, several times as fast.
 
     Raises:

@@ -1,0 +1,87 @@
+"""Single keys from a terminal: the stop key works whatever else the agent is doing."""
+
+import contextlib
+import queue
+import select
+import sys
+import termios
+import threading
+import tty
+from collections.abc import Callable, Iterator
+from typing import TextIO
+
+STOP_KEYS = (" ", "s")
+LOOK_SECONDS = 0.05
+"""Longest time until a key is seen [s]."""
+
+
+class Keyboard:
+    """Reads keys in a thread. A context manager: leaves the terminal as it was.
+
+    Args:
+        on_stop: called at once, in the reading thread, for a stop key.
+        on_key: called for every key, a held one's repeats among them.
+        stream: a terminal.
+
+    """
+
+    def __init__(
+        self,
+        on_stop: Callable[[], None],
+        on_key: Callable[[], None] = lambda: None,
+        stream: TextIO = sys.stdin,
+    ) -> None:
+        self._on_stop = on_stop
+        self._on_key = on_key
+        self._stream = stream
+        self._keys: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._stop = threading.Event()
+        self._asking = threading.Event()
+        self._thread = threading.Thread(target=self._read, name="keyboard", daemon=True)
+
+    def __enter__(self) -> "Keyboard":
+        self._before = termios.tcgetattr(self._stream)
+        tty.setcbreak(self._stream)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *unused: object) -> None:
+        self._stop.set()
+        self._thread.join(1.0)
+        termios.tcsetattr(self._stream, termios.TCSADRAIN, self._before)
+
+    def take(self) -> str | None:
+        """Return the oldest key that was not taken yet, or None."""
+        with contextlib.suppress(queue.Empty):
+            return self._keys.get_nowait()
+        return None
+
+    def ask(self, question: str) -> str:
+        """Ask for a line, typed and edited as usual; nothing moves meanwhile."""
+        with self._line_mode():
+            return input(question)
+
+    @contextlib.contextmanager
+    def _line_mode(self) -> Iterator[None]:
+        self._asking.set()
+        termios.tcsetattr(self._stream, termios.TCSADRAIN, self._before)
+        try:
+            yield
+        finally:
+            tty.setcbreak(self._stream)
+            self._asking.clear()
+
+    def _read(self) -> None:
+        while not self._stop.is_set():
+            if self._asking.is_set():
+                self._stop.wait(LOOK_SECONDS)
+                continue
+            ready, _, _ = select.select([self._stream], [], [], LOOK_SECONDS)
+            if not ready or self._asking.is_set():
+                continue
+            key = self._stream.read(1)
+            self._on_key()
+            if key in STOP_KEYS:
+                self._on_stop()
+            elif key:
+                self._keys.put(key)

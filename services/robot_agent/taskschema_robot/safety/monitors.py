@@ -1,0 +1,113 @@
+"""What has to be well beside the arms while they move: the camera, Redis and the run, a person's key."""
+
+import threading
+import time
+from collections.abc import Callable
+
+from taskschema.bus.records import RunRecords
+from taskschema.errors import BusError
+from taskschema_robot.camera.camera import Camera
+from taskschema_robot.errors import CameraError
+from taskschema_robot.safety.fault import Fault, FaultKind
+
+LOOK_SECONDS = 1.0
+"""Between two looks at Redis [s]."""
+
+
+class CameraMonitor:
+    """The newest frame must not be too old; see `Monitor`."""
+
+    def __init__(self, camera: Camera, oldest: float) -> None:
+        self._camera = camera
+        self._oldest = oldest
+        self._number = -1
+        self._since = -float("inf")
+
+    def fault(self, now: float) -> Fault | None:
+        """Return a fault if the camera stands still: a repeated picture does not count as new."""
+        try:
+            frame = self._camera.latest()
+        except CameraError as error:
+            return Fault(FaultKind.CAMERA, f"camera: {error}", now)
+        if frame.number != self._number:
+            self._number, self._since = frame.number, frame.time
+        age = now - self._since
+        if age > self._oldest:
+            return Fault(FaultKind.CAMERA, f"the camera's last picture is {age:.1f} s old", now)
+        return None
+
+
+class LinkMonitor:
+    """Redis must answer, and the run must be going on; looks from a thread of its own. A context manager.
+
+    Args:
+        records: of the run's Redis, with little patience.
+        run: name of the run.
+        longest: silence that is borne [s].
+        monotonic: the machine's own clock: Redis does not live in a twin's time.
+
+    """
+
+    def __init__(
+        self, records: RunRecords, run: str, longest: float, monotonic: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._records = records
+        self._run = run
+        self._longest = longest
+        self._monotonic = monotonic
+        self._last = monotonic()
+        self._ended = ""
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._look, name="link-monitor", daemon=True)
+
+    def __enter__(self) -> "LinkMonitor":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *unused: object) -> None:
+        self._stop.set()
+        self._thread.join(2.0 * LOOK_SECONDS)
+
+    def _look(self) -> None:
+        while not self._stop.is_set():
+            try:
+                status = self._records.status(self._run)
+                self._ended = status.message or "failed" if status.state == "failed" else ""
+                self._last = self._monotonic()
+            except BusError:
+                pass  # the silence itself is what counts
+            self._stop.wait(LOOK_SECONDS)
+
+    def fault(self, now: float) -> Fault | None:
+        """Return a fault if Redis is silent, or the learner has failed."""
+        silence = self._monotonic() - self._last
+        if silence > self._longest:
+            return Fault(FaultKind.LINK, f"Redis has been silent for {silence:.0f} s", now)
+        if self._ended:
+            return Fault(FaultKind.LINK, f"the learner has failed: {self._ended}", now)
+        return None
+
+
+class HoldToRun:
+    """A key that a person holds down while the arms may move; see `Monitor`.
+
+    Args:
+        monotonic: the clock that key presses are timed by.
+        longest: between two repeats of a held key [s]: terminals wait half a second before the first.
+
+    """
+
+    def __init__(self, monotonic: Callable[[], float] = time.monotonic, longest: float = 0.7) -> None:
+        self._monotonic = monotonic
+        self._longest = longest
+        self._last = -float("inf")
+
+    def pressed(self) -> None:
+        """Note that the key was pressed, or repeated."""
+        self._last = self._monotonic()
+
+    def fault(self, now: float) -> Fault | None:
+        """Return a fault if the key is not held."""
+        if self._monotonic() - self._last > self._longest:
+            return Fault(FaultKind.REQUESTED, "the hold-to-run key is not held", now)
+        return None
