@@ -1,5 +1,7 @@
 """Go-to pose: where its hand goes, how it gets there, and how it keeps off the table."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from taskschema.kinematics.rotation import rotate
 from taskschema.kinematics.sawyer import rethink_gripper, sawyer_pair
 from taskschema.motion import PlanningContext
 from taskschema.motion.hand_clearance import TABLE_MARGIN, least_height, tilted_clear
-from taskschema.skills.go_to_pose import APPROACH, SPEED
+from taskschema.skills.go_to_pose import APPROACH, CLEARANCE, SPEED
 from taskschema.skills.registry import SKILLS
 from taskschema.tasks.picking import BALL_RADIUS, Picking
 
@@ -87,25 +89,56 @@ def test_half_a_turn_about_the_fingers_makes_no_difference(arm):
 
 
 @pytest.mark.parametrize("arm", [0, 1])
-def test_last_part_is_straight_level_and_away_from_the_base(arm):
+def test_last_part_is_straight_level_away_from_the_base_and_begins_clear_of_the_object(arm):
     here = context(arm, 8)
     arguments = np.zeros((8, 6))
     arguments[:, :2] = np.random.default_rng(0).uniform(-0.08, 0.08, (8, 2))
     arguments[:, 3], arguments[:, 5] = FORWARD_AND_DOWN, np.pi if arm else 0.0
     path = GO_TO_POSE.plan(here, arguments)
     for episode in range(8):
-        times = np.arange(path.duration[episode] - APPROACH / SPEED, path.duration[episode], 0.01)
-        joints, _, _ = path.sample(times)
-        position, _ = here.arm.forward(joints[episode])
         goal = here.object_position[episode] + arguments[episode, :3]
         out = goal[:2] - here.arm.base_position[:2]
         out /= np.linalg.norm(out)
+        approach = max(APPROACH, CLEARANCE + arguments[episode, :2] @ out)
+        times = np.arange(path.duration[episode] - approach / SPEED, path.duration[episode], 0.01)
+        joints, _, _ = path.sample(times)
+        position, _ = here.arm.forward(joints[episode])
         offset = position - goal
         np.testing.assert_allclose(offset[:, :2], np.outer(offset[:, :2] @ out, out), atol=3e-3)
         np.testing.assert_allclose(offset[:, 2], 0.0, atol=3e-3)
-        assert -APPROACH - 1e-3 < (offset[0, :2] @ out) < -0.1
+        assert -approach - 1e-3 < (offset[0, :2] @ out) < -0.1
         speeds = np.linalg.norm(np.diff(position, axis=0), axis=1) / 0.01
         assert speeds.max() < SPEED * 1.05
+
+
+@pytest.mark.parametrize("arm", [0, 1])
+def test_hand_withdraws_level_from_the_object_before_it_turns(arm):
+    """A hand beside the ball backs off towards its base: what it pressed on stays where it is."""
+    here = context(arm, 1)
+    pressing = np.array([[0.0, 0.0, -0.01, FORWARD_AND_DOWN, 0.0, np.pi if arm else 0.0]])
+    beside = GO_TO_POSE.plan(here, pressing).joints[:, -1]
+    start, _ = here.arm.forward(beside)
+    turned = np.array([[0.0, 0.0, 0.05, np.pi, 0.0, 0.0]])
+    path = GO_TO_POSE.plan(replace(here, joints=beside), turned)
+    positions, _ = here.arm.forward(path.joints[0])
+    back = here.arm.base_position[:2] - here.object_position[0, :2]
+    back /= np.linalg.norm(back)
+    along = (positions[:, :2] - here.object_position[0, :2]) @ back
+    clear = int(np.argmax(along > 0.9 * CLEARANCE))
+    assert along.max() >= CLEARANCE - 2e-3
+    np.testing.assert_allclose(positions[:clear, 2], start[0, 2], atol=0.03)
+    assert (np.diff(along[: clear + 1]) >= -1e-4).all()
+
+
+@pytest.mark.parametrize("arm", [0, 1])
+def test_where_it_ends_does_not_depend_on_where_it_came_from(arm):
+    """The same arguments mean the same posture, elbow up, whatever the arm did before."""
+    here = context(arm, 12)
+    rng = np.random.default_rng(6)
+    strange = here.joints + rng.uniform(-0.8, 0.8, here.joints.shape)
+    arguments = rng.uniform([-0.1] * 3 + [0] * 3, [0.1] * 3 + [2 * np.pi] * 3, (12, 6))
+    ends = [GO_TO_POSE.plan(replace(here, joints=joints), arguments) for joints in (here.joints, strange)]
+    np.testing.assert_array_equal(ends[0].joints[:, -1], ends[1].joints[:, -1])
 
 
 def test_hands_are_tilted_only_as_far_as_the_table_makes_them():

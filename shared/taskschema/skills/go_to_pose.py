@@ -16,7 +16,7 @@ from taskschema.skills.argument import Argument
 from taskschema.skills.skill import Skill
 
 APPROACH = 0.16
-"""[m] that the hand travels at the end at least, in its final orientation, level and straight from its base."""
+"""[m] that the hand at least travels at the end, in its final orientation, level, straight from its base."""
 CLEARANCE = 0.2
 """[m] from the object's centre towards the base: on the near side of it hands turn and move in the joints."""
 NEUTRAL = (-0.45, -1.318, 0.0, 2.525, 0.0, 0.363, 1.27)
@@ -31,11 +31,13 @@ ACCELERATION = 1.0
 
 
 class GoToPose(Skill):
-    """Turn the hand beside its goal, on the robot's own side of it, then bring it there in a straight line.
+    """Withdraw from the object, turn on the robot's own side of it, then come to the goal in a straight line.
 
-    The hand's position counts before its orientation: one that would be in the table is tilted, and only
-    then raised. The gripper is symmetric, so of an orientation and its half turn the nearer one is taken.
-    Something in the way is pushed, or, where it does not give way, pressed with the servos' force.
+    Its posture at the goal is the one near a neutral posture: the same arguments mean the same posture,
+    whatever the arm did before. The gripper is symmetric, so of an orientation and its half turn the one
+    nearer to that is taken. The hand's position counts before its orientation: one that would be in the table
+    is tilted, and only then raised. Something in the way is pushed, or, where it does not give way, pressed
+    with the servos' force.
     """
 
     name: ClassVar[str] = "go_to_pose"
@@ -49,7 +51,9 @@ class GoToPose(Skill):
         Argument("pitch", "rad", 0.0, 2.0 * np.pi, "second turn, about the world's y axis", periodic=True),
         Argument("yaw", "rad", 0.0, 2.0 * np.pi, "third turn, about the world's z axis", periodic=True),
     )
-    start_state: ClassVar[str] = "Any; the hand moves in the joints to beside its goal, not around obstacles."
+    start_state: ClassVar[str] = (
+        "Any; the hand withdraws level, and moves in the joints to before its goal, not around obstacles."
+    )
     end_state: ClassVar[str] = (
         "End effector at the pose, or held back on its way and pressing, which lift and no-op keep up; "
         "gripper set-point unchanged; arm at rest."
@@ -88,7 +92,7 @@ class GoToPose(Skill):
 
 
 def _withdrawn(context: PlanningContext, towards_base: FloatArray) -> FloatArray:
-    """Return joint angles [N, 7] level back from the present pose, clear of the object; or the present ones."""
+    """Return joint angles [N, 7] clear of the object, level back from the present pose if that is not."""
     position, rotation = context.arm.forward(context.joints)
     ahead = _along(position[:, :2] - context.object_position[:, :2], towards_base)
     near = np.flatnonzero(ahead < CLEARANCE)
@@ -111,7 +115,7 @@ def _along(vector: FloatArray, direction: FloatArray) -> FloatArray:
 
 
 def _nearer_half_turn(context: PlanningContext, joints: FloatArray, rotation: FloatArray) -> FloatArray:
-    """Turn hands [N, 3, 3] by half a turn about their own z axis where that is nearer to those at `joints`."""
+    """Turn hands [N, 3, 3] half a turn about their own z axis where that is nearer to those of `joints`."""
     _, present = context.arm.forward(joints)
     alike = np.zeros(len(rotation))
     for row in range(3):

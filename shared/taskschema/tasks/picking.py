@@ -16,7 +16,7 @@ BALL_RADIUS = 0.06
 DENSITY = 440.0
 """[kg/m^3] a ball of 0.4 kg."""
 LOCATION_RANGE = (0.08, 0.04)
-"""The ball's centre is drawn uniformly within +- these distances from the table's centre along x and y [m]."""
+"""The ball's centre is drawn uniformly within +- these distances of the table's centre in x and y [m]."""
 FRICTION_RANGE = (0.5, 0.8)
 """Coefficient of sliding friction between the ball and whatever touches it."""
 ROLLING_RESISTANCE = 0.012
@@ -42,7 +42,7 @@ class Picking(SceneTask):
 
     name = "picking"
     family = "picking"
-    summary = "lift a slippery ball, too large for one hand, of varied place and friction by 25 cm between both hands"
+    summary = "lift a slippery ball, too large for one hand, of varied place and friction by 25 cm"
     paper_schema = (("top_grasp", "go_to_pose"), ("no_op", "go_to_pose"), ("lift", "lift"))
     lift_speed = 0.3
 
@@ -58,7 +58,7 @@ class Picking(SceneTask):
 
     @property
     def object_mjcf(self) -> str:
-        """One sphere with a free joint; its own friction counts whatever touches it, also where that is less."""
+        """One sphere with a free joint; its own friction counts, whatever touches it."""
         return f"""
         <mujoco>
           <worldbody>
