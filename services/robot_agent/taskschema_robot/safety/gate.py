@@ -99,6 +99,17 @@ class SafetyGate:
         """Stop both arms and latch it; see `GatedArms`."""
         self._latch(Fault(FaultKind.REQUESTED, reason, self._clock.now()))
 
+    def connect(self) -> None:
+        """Connect what is not connected; nothing is switched on.
+
+        Raises:
+            NotConnectedError: if an arm is away.
+
+        """
+        for driver in self._drivers:
+            if not driver.connected:
+                driver.connect()
+
     def prepare(self) -> None:
         """Connect what is not connected, enable the arms and calibrate grippers: the fingers move.
 
