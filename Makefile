@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 TASK ?= lateral-lifting
 SEED ?= 0
 
-.PHONY: train test test-slow compose-test check bench lock env clean help
+.PHONY: train test test-slow compose-test check bench pictures lock env clean help
 
 help:            ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 18
@@ -22,7 +22,7 @@ test-slow: $(STAMP)  ## run the long tests too
 	$(BIN)/pytest
 
 compose-test: $(STAMP)  ## the whole service in containers, where there is a Docker engine
-	$(BIN)/python -m deploy.compose_test
+	$(BIN)/python -m tests.compose
 
 env:             ## write .env, the settings of docker compose, with new secrets
 	@test ! -e .env || { echo ".env is there already: edit it, or move it away." >&2; exit 1; }
@@ -35,6 +35,9 @@ check: $(STAMP)  ## lint, formatting and types
 
 bench: $(STAMP)  ## measure the speed and print it beside its targets
 	$(BIN)/python -m bench
+
+pictures: $(STAMP)  ## draw the films in docs/pictures again
+	$(BIN)/python -m bench.pictures
 
 lock: $(STAMP)   ## write requirements.lock, and the images' parts of it, from what is installed
 	$(BIN)/pip freeze --exclude-editable | grep -v '^torch==' > requirements.lock

@@ -25,6 +25,7 @@ BENCHES: dict[str, tuple[tuple[int, ...], str]] = {
     "scaling": ((5, 11), "1, 2, 4, 8, 16 and 50 workers on the same cores"),
     "saturation": ((5,), "where one learner and one Redis saturate"),
     "fidelity": ((4,), "the shipped physics against a fine reference"),
+    "rendering": ((14,), "the overhead frame: how long it takes, and what the arms hide in it"),
     "seeds_result": ((13,), "minutes and episodes of the five seeds trained by bench.seeds"),
 }
 """Module of each bench, the rows it measures, and what it is about."""
@@ -58,7 +59,7 @@ def chosen(words: list[str]) -> list[str]:
     known = {*BENCHES, *(str(row) for rows, _ in BENCHES.values() for row in rows)}
     unknown = [word for word in words if word not in known]
     if unknown:
-        raise SystemExit(f"No bench {', '.join(unknown)}; there are: {', '.join(BENCHES)}, or rows 1 to 13.")
+        raise SystemExit(f"No bench {', '.join(unknown)}; there are: {', '.join(BENCHES)}, or rows 1 to 14.")
     return names
 
 

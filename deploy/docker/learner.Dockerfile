@@ -10,7 +10,7 @@ RUN pip install ${TORCH_INDEX_URL:+--extra-index-url "$TORCH_INDEX_URL"} \
  && useradd --uid 10001 --no-create-home taskschema \
  && install -d -o taskschema -g taskschema /runs
 
-COPY deploy/ray/node.sh deploy/docker/learner.sh /opt/taskschema/deploy/
+COPY deploy/ray/node.sh deploy/ray/train.sh /opt/taskschema/deploy/
 COPY deploy/docker/taskschema /usr/local/bin/
 COPY shared/taskschema /opt/taskschema/taskschema
 COPY services/worker/taskschema_worker /opt/taskschema/taskschema_worker
@@ -19,7 +19,7 @@ RUN python -m compileall -q /opt/taskschema
 ENV PYTHONPATH=/opt/taskschema PYTHONUNBUFFERED=1 HOME=/tmp
 USER 10001:10001
 WORKDIR /
-CMD ["/opt/taskschema/deploy/learner.sh"]
+CMD ["/opt/taskschema/deploy/node.sh", "driver", "/opt/taskschema/deploy/train.sh"]
 
 FROM learner AS embedded
 USER root

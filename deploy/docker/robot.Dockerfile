@@ -6,9 +6,10 @@ RUN pip install --no-deps -r /tmp/requirements-robot.lock \
  && useradd --uid 10001 --no-create-home taskschema \
  && install -d -o taskschema -g taskschema /episodes
 
+COPY deploy/docker/taskschema-robot /usr/local/bin/
 COPY shared/taskschema /opt/taskschema/taskschema
 COPY services/robot_agent/taskschema_robot /opt/taskschema/taskschema_robot
 RUN python -m compileall -q /opt/taskschema
 ENV PYTHONPATH=/opt/taskschema PYTHONUNBUFFERED=1 HOME=/tmp
 USER 10001:10001
-CMD ["python", "-m", "taskschema_robot", "--help"]
+CMD ["taskschema-robot", "--help"]

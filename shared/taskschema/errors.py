@@ -30,6 +30,18 @@ class SchemaMismatchError(TaskschemaError):
     """A schema whose horizon or skill pairs are not those of the task."""
 
 
+class SignatureError(TaskschemaError):
+    """A schema that is not signed by whom it must be, or a key that cannot be used."""
+
+
+class FrameError(TaskschemaError):
+    """A picture that cannot come from a working overhead camera."""
+
+
+class TrunkError(TaskschemaError):
+    """Weights of a network's trunk that do not fit or cannot be read."""
+
+
 class WireError(TaskschemaError):
     """A message from another process that fails its check; the message is the reason."""
 
@@ -61,3 +73,7 @@ class QuarantineLimitError(TaskschemaError):
 
 class ExperimentError(TaskschemaError):
     """An experiment whose results are damaged, locked, or of other settings."""
+
+
+class RenderingError(TaskschemaError):
+    """Pictures that cannot be drawn or written: no renderer, or nothing to show."""

@@ -46,7 +46,9 @@ class RoundMetrics(msgspec.Struct, frozen=True, kw_only=True):
     """Wall time of checkpoint and publishing [s]."""
     sha256: str
     """Hash of the policy after the update."""
+    seconds_publish: float = 0.0
+    """Wall time of publishing the round's policy and offering its slots [s], part of `seconds_collect`."""
 
 
-TIMING_FIELDS = ("seconds_collect", "seconds_update", "seconds_checkpoint")
+TIMING_FIELDS = ("seconds_collect", "seconds_update", "seconds_checkpoint", "seconds_publish")
 """Fields that differ between two computations of the same run."""

@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 
 from tests.compose.stack import RUN, Stack
 
@@ -59,9 +59,3 @@ class SchemaWatch:
             self.versions.append(document["version"])
             if not (excused or self._excuses):
                 self.slowest = max(self.slowest, time.monotonic() - started)
-
-
-def best_effort(stack: Stack, *words: str) -> None:
-    """Run a compose command whose failure does not matter, such as to clean up."""
-    with suppress(RuntimeError):
-        stack.compose(*words)

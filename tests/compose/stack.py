@@ -56,11 +56,25 @@ class Stack:
             raise RuntimeError(f"{' '.join(words)}: {(done.stderr or done.stdout)[-3000:]}")
         return done.stdout
 
+    def clean(self) -> None:
+        """Remove containers, networks and volumes, if there are any."""
+        self.compose("--profile", "tools", "down", "--volumes", "--remove-orphans")
+
     def containers(self, service: str) -> list[str]:
         """Return the ids of a service's running containers, oldest first."""
         label = f"label=com.docker.compose.project={PROJECT}"
-        found = docker("ps", "-q", "--filter", label, "--filter", f"label=com.docker.compose.service={service}")
+        found = docker(
+            "ps", "-q", "--filter", label, "--filter", f"label=com.docker.compose.service={service}"
+        )
         return found.split()[::-1]
+
+    def memory(self) -> dict[str, str]:
+        """Return what each running container holds, by its name."""
+        label = f"label=com.docker.compose.project={PROJECT}"
+        ids = docker("ps", "-q", "--filter", label).split()
+        lines = docker("stats", "--no-stream", "--format", "{{.Name}}={{.MemUsage}}", *ids).splitlines()
+        used = dict(line.partition("/")[0].strip().split("=") for line in lines)
+        return {name.removeprefix(PROJECT).strip("_-"): size for name, size in sorted(used.items())}
 
     def get(self, path: str) -> Any:
         """Return the API's answer.
@@ -92,7 +106,9 @@ class Stack:
 
     def rounds_pass(self, count: int) -> float:
         """Wait for so many more rounds and return how long that took [s]."""
-        started, goal = time.monotonic(), self.eventually(self.version) + count
+        started = time.monotonic()
+        self.wait(lambda: self.version() >= 0, "the API")
+        goal = self.version() + count
         self.wait(lambda: self.version() >= goal, f"round {goal}")
         return time.monotonic() - started
 
@@ -101,12 +117,6 @@ class Stack:
         started = time.monotonic()
         self.wait(lambda: self.live_workers() == count, f"{count} workers")
         return time.monotonic() - started
-
-    def eventually(self, ask: Callable[[], int]) -> int:
-        """Return the answer to a question, asked until the API gives one."""
-        answers: list[int] = []
-        self.wait(lambda: answers.append(ask()) is None, "the API")
-        return answers[-1]
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
         """Poll until something is true.
@@ -124,6 +134,22 @@ class Stack:
             if time.monotonic() > deadline:
                 raise TimeoutError(f"no sign of {what} after {PATIENCE_SECONDS:.0f} s")
             time.sleep(0.2)
+
+
+def image_sizes() -> dict[str, int]:
+    """Return what each image adds to the base that it starts from [bytes]."""
+    sizes = {}
+    for path in sorted((ROOT / "deploy/docker").glob("*.Dockerfile")):
+        name = path.name.removesuffix(".Dockerfile")
+        base = path.read_text(encoding="utf-8").partition("FROM ")[2].split()[0]
+        for image in [name, "embedded"] if name == "learner" else [name]:
+            if image != "robot":  # of another profile
+                sizes[image] = _size(f"taskschema-{image}:0.1.0") - _size(base)
+    return sizes
+
+
+def _size(image: str) -> int:
+    return int(docker("image", "inspect", "--format", "{{.Size}}", image))
 
 
 def docker(*words: str) -> str:

@@ -15,6 +15,7 @@ from taskschema.schema import SchemaDocument
 from taskschema_learner.cli.main import app
 from taskschema_learner.cli.train import initial_logits
 from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.schema_file import read_schema
 from taskschema_learner.verification import verify
 
 COMMAND = Path(sys.executable).with_name("taskschema")
@@ -28,6 +29,13 @@ def taskschema(*arguments, cwd, status=0):
     assert result.returncode == status, result.stderr + result.stdout
     assert "Traceback" not in result.stderr
     return result.stdout
+
+
+@pytest.fixture(scope="module", autouse=True)
+def own_signing_key(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TASKSCHEMA_SIGNING_KEY", str(tmp_path_factory.mktemp("key") / "signing-key.pem"))
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +75,7 @@ def test_schema_is_shown_compared_and_exported(place):
         taskschema("schema", "toy-schema-seed3", "--json", "--export", "found.json", cwd=place),
         type=SchemaDocument,
     )
-    assert msgspec.json.decode((place / "found.json").read_bytes(), type=SchemaDocument) == document
+    assert read_schema(place / "found.json") == document
     assert (document.version, document.horizon, len(document.pairs)) == (3, 3, 9)
 
 

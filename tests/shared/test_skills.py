@@ -1,5 +1,7 @@
 """The skills' plans: search spaces, limits, end states, unreachable targets."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -85,6 +87,22 @@ def test_every_registered_skill_is_described(name):
     assert skill.name == name
     assert all([skill.summary, skill.families, skill.start_state, skill.end_state])
     assert all(argument.meaning for argument in skill.arguments)
+
+
+@pytest.mark.parametrize("name", list(SKILLS))
+def test_every_registered_skill_has_a_page(name):
+    skill = get_skill(name)
+    page = (Path(__file__).parents[2] / f"docs/skills/{name.replace('_', '-')}.md").read_text()
+    ends = {"0": 0.0, "2 pi": 2 * np.pi, "pi/2": np.pi / 2, "-pi/2": -np.pi / 2}
+    rows = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("| `")]
+    assert [(row[0].strip("`"), row[1], row[4]) for row in rows] == [
+        (argument.name, argument.unit, argument.meaning) for argument in skill.arguments
+    ]
+    for row, argument in zip(rows, skill.arguments, strict=True):
+        low, high = (ends[end] if end in ends else float(end) for end in row[2].split(" to "))
+        assert (low, high) == (argument.low, argument.high)
+    assert f"| start | {skill.start_state} |" in page
+    assert f"| end | {skill.end_state} |" in page
 
 
 def test_unknown_skill_lists_the_valid_ones():

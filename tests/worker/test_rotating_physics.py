@@ -37,13 +37,25 @@ def test_either_arm_can_turn_while_the_other_holds(environment):
     assert run(environment, mirrored, 8)[1].mean() >= 0.9
 
 
-def test_turning_without_holding_the_base_moves_the_whole_corkscrew(environment):
+def test_turning_without_holding_the_base_turns_the_whole_corkscrew_and_leaves_the_hinge(
+    environment, monkeypatch
+):
+    turned, hinge = np.zeros(8), np.zeros(8)
+    advance = environment._simulation.advance
+
+    def recorded(episodes, controls):
+        result = advance(episodes, controls)
+        w, z, angle = result.object_poses[:, :, 3], result.object_poses[:, :, 6], result.object_poses[:, :, 7]
+        turned[episodes] = np.maximum(turned[episodes], (2 * np.arctan2(z, w)).max(axis=1))
+        hinge[episodes] = np.maximum(hinge[episodes], np.abs(angle).max(axis=1))
+        return result
+
+    monkeypatch.setattr(environment._simulation, "advance", recorded)
     schema = [("go_to_pose", "no_op"), ("go_to_pose", "no_op"), ("rotate", "no_op")]
-    last, success = run(environment, schema, 8)
-    assert not success.any()
-    assert (np.abs(TASK.observation.get(last, "object.hinge")) < 0.5).all()
-    w, _, _, z = TASK.observation.get(last, "object.quaternion").T
-    assert (np.abs(2 * np.arctan2(z, w)) > 1.0).mean() >= 0.75
+    assert not run(environment, schema, 8)[1].any()
+    assert (hinge < 0.1).all()
+    # It turns with the handle until its far side swings out of the hand's way, and slides.
+    assert (turned > 0.5).all()
 
 
 def test_holding_the_base_alone_turns_nothing(environment):

@@ -17,8 +17,10 @@ from taskschema.bus.worker_bus import WorkerBus
 from taskschema.bus.worker_info import AgentKind
 from taskschema.config import RunConfig
 from taskschema.errors import ConfigError, RunFolderError
+from taskschema.logs import bind
 from taskschema.tasks.registry import task_of
 from taskschema_learner.api.process import ApiProcess
+from taskschema_learner.api.transport import Tls
 from taskschema_learner.embedded_redis import EmbeddedRedis
 from taskschema_learner.learner import Learner
 from taskschema_learner.progress import Limits
@@ -52,6 +54,8 @@ class TrainOptions:
     """Address of a Ray cluster to use; None: a local one."""
     api: str | None = "127.0.0.1:8420"
     """HOST:PORT of the HTTP API; None: no API."""
+    api_tls: Tls | None = None
+    """Its certificate and key; None: no TLS."""
     device: str = "cpu"
     """torch device of the learner."""
     agent: AgentKind = "simulation"
@@ -71,12 +75,15 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
         stack.enter_context(_stopped_by_signals(stop))
         folder = open_folder(options)
         stack.enter_context(folder.locked())
+        bind(run=folder.name)
         url = options.redis or stack.enter_context(EmbeddedRedis(folder.path / "redis")).url
         records = RunRecords(connect(url))
         records.register_run(folder.name, folder.config)
         records.clear_requests(folder.name)
         api_url = url if options.redis is None else os.environ.get(API_REDIS_VARIABLE, url)
-        api = stack.enter_context(ApiProcess(api_url, folder.name, options.api)) if options.api else None
+        api = None
+        if options.api is not None:
+            api = stack.enter_context(ApiProcess(api_url, folder.name, options.api, tls=options.api_tls))
         records.set_api(folder.name, api.url if api else None)
         task = task_of(folder.config)
         learner = Learner(folder.config, task, device=options.device)

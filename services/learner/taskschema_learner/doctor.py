@@ -21,16 +21,7 @@ LEAST_FREE_GIB = 1.0
 """Room on the disk that a run may need [GiB]."""
 LEAST_MEMORY_GIB = 2.0
 """Memory that the whole embedded run may need [GiB]."""
-RENDER_SECONDS = 60
-RENDERERS = ("egl", "osmesa")
-# In a process of its own: a driver that fails may take its process with it.
-_RENDER = """
-import mujoco
-model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
-renderer = mujoco.Renderer(model, 32, 32)
-renderer.update_scene(mujoco.MjData(model))
-renderer.render()
-"""
+PROBE_SECONDS = 60
 _PHYSICS = """
 import mujoco
 model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
@@ -108,22 +99,39 @@ def _disk() -> Check:
 
 
 def _physics() -> Check:
-    failure = _failure_of(_PHYSICS, {})
+    failure = _failure_of(_PHYSICS)
     advice = "Reinstall mujoco; tasks without physics, such as toy, work without it."
     return _check("physics", failure is None, failure or "MuJoCo computes a step", advice)
 
 
 def _rendering() -> Check:
-    failures = {name: _failure_of(_RENDER, {"MUJOCO_GL": name}) for name in RENDERERS}
-    working = [name for name, failure in failures.items() if failure is None]
-    if working:
-        return Check("rendering", "works", f"MUJOCO_GL={working[0]} draws pictures")
-    finding = "; ".join(f"{name}: {failure}" for name, failure in failures.items())
-    advice = (
-        "Only pictures need it. Install a driver with EGL, or Mesa's software renderer: "
-        "`apt-get install libegl1 libosmesa6`."
-    )
-    return Check("rendering", "optional", finding, advice)
+    from taskschema_worker.rendering.backend import ADVICE, probe, requested
+
+    failures = []
+    try:
+        for name in requested():
+            found, failure = probe(name)
+            if found is not None:
+                return Check("rendering", "works", f"{name} draws with {found}: {_drawing_speed(name)}")
+            failures.append(f"{name}: {failure}")
+    except TaskschemaError as error:
+        return Check("rendering", "optional", str(error), "Only pictures need it.")
+    return Check("rendering", "optional", "; ".join(failures), f"Only pictures need it. {ADVICE}.")
+
+
+def _drawing_speed(backend: str) -> str:
+    """Say how long a frame takes, measured in a process of its own: a driver may take its process with it."""
+    from taskschema_worker.rendering.backend import environment_for
+
+    command = [sys.executable, "-m", "taskschema_worker.rendering.speed"]
+    environment = environment_for(backend)
+    try:
+        result = subprocess.run(
+            command, capture_output=True, text=True, timeout=PROBE_SECONDS, env=environment, check=True
+        )
+    except subprocess.SubprocessError:
+        return "its speed could not be measured"
+    return f"{result.stdout.strip()} ms for an overhead frame"
 
 
 def _redis() -> Check:
@@ -168,18 +176,17 @@ def _check(name: str, works: bool, finding: str, advice: str = "") -> Check:
     return Check(name, "works" if works else "missing", finding, "" if works else advice)
 
 
-def _failure_of(script: str, environment: dict[str, str]) -> str | None:
+def _failure_of(script: str) -> str | None:
     """Run a script in a process of its own and return its last words if it fails."""
     try:
         result = subprocess.run(
             [sys.executable, "-c", script],
             capture_output=True,
             text=True,
-            timeout=RENDER_SECONDS,
-            env={**os.environ, **environment},
+            timeout=PROBE_SECONDS,
         )
     except subprocess.TimeoutExpired:
-        return f"no answer within {RENDER_SECONDS} s"
+        return f"no answer within {PROBE_SECONDS} s"
     if result.returncode == 0:
         return None
     lines = [line for line in result.stderr.strip().splitlines() if ": " in line]

@@ -12,6 +12,7 @@ from taskschema.arrays import AnyArray
 from taskschema.errors import RunFolderError, WireError
 from taskschema.policies import Actions, Policy, PolicySnapshot
 from taskschema.tasks.registry import task_of
+from taskschema.tasks.task import BatchEnvironment
 from taskschema.trajectory import Trajectory
 from taskschema_learner.run_folder import RunFolder
 from taskschema_worker.environments import make_environment
@@ -97,13 +98,21 @@ def newest_policy(folder: RunFolder) -> PolicySnapshot:
 
 
 def held_out_episodes(
-    folder: RunFolder, snapshot: PolicySnapshot, episodes: int, *, mean: bool
+    folder: RunFolder,
+    snapshot: PolicySnapshot,
+    episodes: int,
+    *,
+    mean: bool,
+    environment: BatchEnvironment | None = None,
 ) -> list[Trajectory]:
-    """Run a policy on the first held-out instances of a run, in this process, on all cores."""
+    """Run a policy on the first held-out instances of a run, in this process, on all cores.
+
+    They run in `environment`, which is then closed; without one, in a new one.
+    """
     task = task_of(folder.config)
     policy = (MeanPolicy if mean else Policy)(snapshot, task.pairs, task.observation)
     trajectories: list[Trajectory] = []
-    with closing(make_environment(task, threads=os.cpu_count() or 1)) as environment:
+    with closing(environment or make_environment(task, threads=os.cpu_count() or 1)) as environment:
         for start in range(0, episodes, EPISODES_AT_ONCE):
             slots = collect_slots(
                 environment,

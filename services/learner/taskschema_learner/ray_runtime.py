@@ -1,7 +1,9 @@
 """The Ray that rollout actors run on: a small one of our own, or a cluster that is there already."""
 
+import ipaddress
 import logging
 import os
+import secrets
 import shutil
 import signal
 import socket
@@ -31,6 +33,9 @@ RESTARTS = 10
 """How often Ray restarts an actor whose process dies, before the pool replaces it."""
 SINGLE_THREADED = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Environment of actors: more BLAS threads than one are slower here, and give other bits."""
+AUTH_MODE = "RAY_AUTH_MODE"
+AUTH_TOKEN = "RAY_AUTH_TOKEN"
+"""Environment variables by which Ray's servers ask for a secret, and its clients send it."""
 QUIET_SETTINGS = {
     # Ray prints a warning for every four actors that share a core, as ours are meant to.
     "RAY_DEDUP_LOGS_SKIP_REGEX": "worker processes have been started on node",
@@ -38,8 +43,10 @@ QUIET_SETTINGS = {
 }
 """Environment of this process; Ray reads these when it is first imported."""
 LOCAL_SETTINGS = {
-    # Ray's switch for laptops makes all its servers listen on loopback alone: they ask for no password.
+    # Ray's switch for laptops makes all its servers listen on loopback alone.
     "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0",
+    # Other users of the machine reach loopback, too.
+    AUTH_MODE: "token",
     # Idle processes started ahead of time have not the actors' environment and would never be used.
     "RAY_prestart_worker_first_driver": "false",
 }
@@ -82,6 +89,8 @@ class RayRuntime:
         settings: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.ERROR}
         if self._address is None:
             os.environ.update(LOCAL_SETTINGS)
+            # Ray keeps the first token that a process has: another start in it must use the same.
+            os.environ.setdefault(AUTH_TOKEN, secrets.token_hex(32))
             # A folder of its own, short because Unix sockets' paths are; it goes when Ray stops.
             self._folder = Path(tempfile.mkdtemp(prefix="taskschema-"))
             settings |= {
@@ -92,6 +101,7 @@ class RayRuntime:
                 "_temp_dir": str(self._folder),
             }
         else:
+            self._refuse_open_cluster(_host(self._address))
             self._knock()
             settings |= {"address": self._address, "ignore_reinit_error": True}
         import ray
@@ -109,6 +119,12 @@ class RayRuntime:
         if self._address is None and own != "127.0.0.1":
             self.stop()
             raise RayError("Ray would listen beyond this machine: start taskschema before importing ray.")
+        if self._address is not None:
+            try:
+                self._refuse_open_cluster(_host(ray.get_runtime_context().gcs_address))
+            except RayError:
+                self.stop()
+                raise
 
     def stop(self) -> None:
         """Stop or leave Ray; what was started here is gone then."""
@@ -218,6 +234,19 @@ class RayRuntime:
 
         ray.kill(actor, no_restart=True)
 
+    def _refuse_open_cluster(self, host: str) -> None:
+        """Return if the cluster's head is on this machine, or asks for a token.
+
+        Raises:
+            RayError: if others reach it and it does not: they could run code on it, and on us.
+        """
+        if os.environ.get(AUTH_MODE, "").lower() == "token" or _is_loopback(host):
+            return
+        raise RayError(
+            f"Ray at {self._address} is reached beyond this machine and asks for no token: start its nodes "
+            f"with {AUTH_MODE}=token and a secret in {AUTH_TOKEN}, and set both here."
+        )
+
     def _knock(self) -> None:
         """Try the cluster's port: Ray itself looks for a cluster that is not there for minutes.
 
@@ -241,6 +270,19 @@ class RayRuntime:
                 "has the same versions of Ray and Python."
             )
         return f"Ray cannot be started on this machine: {reason} `taskschema doctor --full` looks for why."
+
+
+def _host(address: str) -> str:
+    """Return the host in `[ray://]HOST:PORT`; loopback for `auto` and the like, where it is not known yet."""
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    return host.strip("[]") if port.isdigit() else "127.0.0.1"
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 def _child_processes() -> set[int]:

@@ -66,10 +66,8 @@ class TerminalObserver:
         self._say(f"Run folder: {context.folder} ({workers}); stops at {_goal(context)}.")
         if context.api_url is not None:
             self._say(f"API: {context.api_url} (documentation: {context.api_url}/docs)")
-        if context.api_token is not None:
+        if context.api_token is not None and self._console.is_terminal:  # elsewhere it would be logged
             self._say(f"Token for requests that change something: {context.api_token}")
-        if context.api_token is not None:
-            self._say(f"API token, for whatever changes something: {context.api_token}")
         if rounds_done:
             self._say(f"Going on after {rounds_done} rounds, {progress.episodes:,} episodes.")
         if self._console.is_terminal:

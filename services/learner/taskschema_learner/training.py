@@ -6,12 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from taskschema.bus.learner_bus import LearnerBus
 from taskschema.bus.records import RunRecords
+from taskschema.logs import bind
 from taskschema.metrics import RoundMetrics
 from taskschema.policies import PolicySnapshot
 from taskschema.schema import SchemaDocument, SchemaView, entropy, softmax
@@ -71,6 +72,16 @@ class Parts:
     or raises when the worker pool is beyond repair."""
 
 
+class Seconds(NamedTuple):
+    """Wall times of a round's phases [s]."""
+
+    publish: float
+    """From opening the round until its policy and slots are published."""
+    collect: float
+    """From opening the round to its last slot."""
+    update: float
+
+
 class TrainingStoppedError(Exception):
     """Training was asked to stop between or within rounds; the run can be resumed."""
 
@@ -89,14 +100,17 @@ def train(parts: Parts, limits: Limits, context: TrainingContext, stop: threadin
     while (reason := limits.reached(progress, parts.learner.version)) is None:
         wait_while_paused(parts, stop)
         round_index = parts.learner.version
+        bind(round=round_index)
         started = time.monotonic()
         parts.bus.open_round(round_index, parts.learner.snapshot(), range(parts.folder.config.slots))
+        published = time.monotonic()
         trajectories = collect_round(parts, stop)
         collected = time.monotonic()
         statistics = parts.learner.update(trajectories)
         updated = time.monotonic()
         progress = progress.after(trajectories)
-        metrics = measure(parts, trajectories, statistics, progress, collected - started, updated - collected)
+        seconds = Seconds(published - started, collected - started, updated - collected)
+        metrics = measure(parts, trajectories, statistics, progress, seconds)
         parts.bus.verify_token()
         metrics = save_run(parts.folder, parts.learner, parts.bus.token, progress, metrics)
         publish(parts, metrics)
@@ -136,8 +150,7 @@ def measure(
     trajectories: list[Trajectory],
     statistics: UpdateStatistics,
     progress: Progress,
-    seconds_collect: float,
-    seconds_update: float,
+    seconds: Seconds,
 ) -> RoundMetrics:
     """Return the facts about a round."""
     logits = parts.learner.logits
@@ -159,8 +172,9 @@ def measure(
         approximate_kl=statistics.approximate_kl,
         clip_fraction=statistics.clip_fraction,
         gradient_norm=statistics.gradient_norm,
-        seconds_collect=seconds_collect,
-        seconds_update=seconds_update,
+        seconds_publish=seconds.publish,
+        seconds_collect=seconds.collect,
+        seconds_update=seconds.update,
         seconds_checkpoint=0.0,
         sha256=parts.learner.snapshot().sha256,
     )

@@ -17,6 +17,7 @@ from taskschema.bus.connection import connect
 from taskschema.bus.url import REDIS_VARIABLE, hide_password
 from taskschema.bus.worker_bus import LEASE_SECONDS, WorkerBus
 from taskschema.errors import BusError, TaskschemaError, UnknownNameError
+from taskschema.logs import FORMAT_VARIABLE, bind, log_format, log_to_stderr
 from taskschema_worker.worker import RETRY_SECONDS, Worker
 
 log = logging.getLogger("taskschema.worker")
@@ -27,7 +28,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:
         hide_password()
     options = _parser().parse_args(arguments)
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     stop = threading.Event()
 
     def request_stop(number: int, frame: FrameType | None) -> None:
@@ -36,6 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, request_stop)
     try:
+        log_to_stderr(log_format(options.log_format))
         # Workers share the cores, and threads only slow these small products down.
         with threadpool_limits(limits=1):
             worker = _start(options, stop)
@@ -50,6 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _start(options: argparse.Namespace, stop: threading.Event) -> Worker | None:
     """Join the run once Redis and the run are there; None if told to stop before."""
     worker_id = f"{socket.gethostname()}-{os.getpid()}-{uuid.uuid4().hex[:6]}"
+    bind(run=options.run, worker=worker_id)
     waited = 0.0
     while not stop.is_set():
         try:
@@ -91,6 +93,12 @@ def _parser() -> argparse.ArgumentParser:
         default=LEASE_SECONDS,
         metavar="SECONDS",
         help=f"take over slots of workers silent for this long (default: {LEASE_SECONDS:g})",
+    )
+    parser.add_argument(
+        "--log-format",
+        default=os.environ.get(FORMAT_VARIABLE, "text"),
+        metavar="text|json",
+        help="text: for people; json: a line of JSON for every event",
     )
     return parser
 

@@ -1,8 +1,9 @@
 """Generate the Sawyer's data from robosuite: `python -m taskschema_worker.generate_data`.
 
-Writes `sawyer.json` (kinematics and limits, for planning without a simulator), `sawyer.xml` (one arm with its
-gripper in MJCF: primitive collision shapes, position servos) and robosuite's licence notice into
-`shared/taskschema/data`. This is the only module of the packages that imports robosuite.
+Writes into `shared/taskschema/data`: `sawyer.json` (kinematics and limits, for planning without a simulator),
+`sawyer.xml` (one arm with its gripper in MJCF: primitive collision shapes, position servos),
+`sawyer_visual.xml` (its looks: decimated meshes) and robosuite's licence notice. This is the only module of
+the packages that imports robosuite; with `visual_data` it needs the extra `dev`.
 """
 
 import argparse
@@ -28,6 +29,7 @@ from taskschema_worker.arm_description import (
     VELOCITY_LIMITS,
     Capsule,
 )
+from taskschema_worker.visual_data import visual_mjcf
 
 ARM_JOINTS = tuple(f"right_j{index}" for index in range(7))
 FINGER_JOINTS = ("l_finger_joint", "r_finger_joint")
@@ -216,11 +218,14 @@ def licence() -> str:
 
 def generate(folder: Path) -> list[Path]:
     """Write the data files into `folder` and return their paths."""
-    root = arm_mjcf(robosuite_assets())
+    assets = robosuite_assets()
+    root = arm_mjcf(assets)
+    visual = visual_mjcf(assets, {body.get("name", "") for body in root.iter("body")})
     version = importlib.metadata.version("robosuite")
     description = {"source": f"robosuite {version}, MIT licence: see LICENSE.robosuite"} | arm_json(root)
     contents = {
         "sawyer.xml": ET.tostring(root, encoding="unicode") + "\n",
+        "sawyer_visual.xml": ET.tostring(visual, encoding="unicode") + "\n",
         "sawyer.json": json.dumps(description, indent=1) + "\n",
         "LICENSE.robosuite": licence(),
     }

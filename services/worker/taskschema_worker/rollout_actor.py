@@ -1,6 +1,5 @@
 """What Ray places and restarts: a process that runs one rollout worker."""
 
-import logging
 import os
 import socket
 import threading
@@ -9,6 +8,7 @@ import psutil
 
 from taskschema.bus.connection import connect
 from taskschema.bus.worker_bus import WorkerBus
+from taskschema.logs import FORMAT_VARIABLE, bind, log_format, log_to_stderr
 from taskschema_worker.worker import Worker
 
 
@@ -23,7 +23,7 @@ class RolloutActor:
     """
 
     def __init__(self, redis_url: str, run: str, name: str) -> None:
-        logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s %(levelname)s %(message)s")
+        log_to_stderr(log_format(os.environ.get(FORMAT_VARIABLE, "text")))
         self._redis_url = redis_url
         self._run = run
         self._name = name
@@ -37,6 +37,7 @@ class RolloutActor:
 
         """
         worker_id = f"{socket.gethostname()}-{os.getpid()}-{self._name}"
+        bind(run=self._run, worker=worker_id)
         bus = WorkerBus(connect(self._redis_url), self._run, worker_id)
         Worker(bus).run(self._stop)
 

@@ -1,7 +1,7 @@
 """Batched physics: many episodes of one scene, advanced in C by `mujoco.rollout`."""
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -91,6 +91,8 @@ class Simulation:
         self.velocities: FloatArray = np.empty((0, self._template.nv))
         """[N, nv]"""
         self._warmstart: FloatArray = np.empty((0, self._template.nv))
+        self.watcher: Callable[[IntArray, FloatArray], None] | None = None
+        """Told of every stretch of motion: episodes [M] and their positions [M, S, nq]."""
 
     def _home_state(self, task: SceneTask) -> FloatArray:
         positions: FloatArray = np.array(self._template.qpos0, dtype=np.float64)
@@ -159,6 +161,8 @@ class Simulation:
         self.velocities[good] = final[~diverged, 1 + nq :]
         before = states[:, -2, 1 + nq :] if steps > 1 else initial[:, 1 + nq :]
         self._warmstart[good] = ((final[:, 1 + nq :] - before) / self.timestep)[~diverged]
+        if self.watcher is not None:
+            self.watcher(episodes, states[:, :, 1 : 1 + nq])
         poses = self.indices.object_pose
         return Advance(states[:, :, 1 + poses.start : 1 + poses.stop], diverged)
 

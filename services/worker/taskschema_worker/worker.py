@@ -74,6 +74,8 @@ class Worker:
         )
         self._undelivered = list(zip(leases, trajectories, strict=True))
         self._bus.submit(self._undelivered)
+        slots = [lease.item.slot for lease in leases]
+        log.info("Delivered %d slots", len(slots), extra={"round": leases[0].item.round, "slots": slots})
         return len(leases)
 
     def close(self) -> None:

@@ -40,7 +40,7 @@ class RunKeys:
     def all(self) -> tuple[str, ...]:
         """Every key of the run."""
         records = (self.config, self.status, self.request, self.target, self.policy, self.schemas, self.curve)
-        agents = (self.workers, self.heartbeats, self.agent_kind)
+        agents = (self.workers, self.heartbeats, self.agent_kind, self.leases)
         return (
             *records,
             *agents,
@@ -50,6 +50,7 @@ class RunKeys:
             self.quarantine,
             self.quarantine_counts,
             self.refusals,
+            self.counters,
         )
 
     @property
@@ -96,6 +97,16 @@ class RunKeys:
     def heartbeats(self) -> str:
         """Sorted set: agents by their latest sign of life, in the server's time [s]."""
         return self._key("heartbeats")
+
+    @property
+    def leases(self) -> str:
+        """Hash: what agents count about their leases, all together (`taskschema.bus.counters`)."""
+        return self._key("leases")
+
+    @property
+    def counters(self) -> str:
+        """Hash: what the learner counts about its rounds (`taskschema.bus.counters`)."""
+        return self._key("counters")
 
     @property
     def agent_kind(self) -> str:

@@ -9,6 +9,7 @@ import redis
 
 from taskschema.bus.admission import Admission, RefusedError, SlotResult
 from taskschema.bus.connection import LONGEST_BLOCK_MS, bus_errors
+from taskschema.bus.counters import LOST
 from taskschema.bus.keys import GROUP, RunKeys
 from taskschema.bus.messages import WorkItem
 from taskschema.bus.quarantine import Quarantine
@@ -170,6 +171,7 @@ class LearnerBus:
             self._withdraw(pipe, covered)
             pipe.delete(self._keys.refusals)
             if dead:
+                pipe.hincrby(self._keys.counters, LOST, len(dead))
                 pipe.zrem(self._keys.heartbeats, *dead)
                 pipe.hdel(self._keys.workers, *dead)
             for consumer in idle:

@@ -34,7 +34,8 @@ class Quarantine:
             QuarantineLimitError: if the slot was refused three times.
 
         """
-        log.warning("Refused %s: %s (%s)", entry_id.decode(), error, error.kind)
+        about = {"round": round_index, "slot": error.slot}
+        log.warning("Refused %s: %s (%s)", entry_id.decode(), error, error.kind, extra=about)
         entry: dict[bytes, bytes] = {b"kind": error.kind.encode(), b"reason": str(error).encode()}
         for name in (HEADER, DATA):
             entry[name] = fields.get(name, b"")[:KEPT_BYTES]

@@ -8,6 +8,7 @@ import msgspec
 import redis
 
 from taskschema.bus.connection import LONGEST_BLOCK_MS, bus_errors
+from taskschema.bus.counters import RunCounters, observe_round, read_counters
 from taskschema.bus.keys import RUNS, RunKeys
 from taskschema.bus.run_status import RunState, RunStatus
 from taskschema.bus.worker_info import ALIVE_SECONDS, WorkerInfo
@@ -140,8 +141,9 @@ class RunRecords:
 
     @bus_errors()
     def write_metrics(self, run: str, row: RoundMetrics) -> None:
-        """Append a round to the curve; its place is its policy version, so rounds come in order."""
+        """Append a round to the curve, once: its place is its policy version; and count what it adds."""
         self._client.xadd(RunKeys(run).curve, {"row": msgspec.json.encode(row)}, id=f"{row.policy_version}-0")
+        observe_round(self._client, RunKeys(run).counters, row)
 
     @bus_errors()
     def curve(self, run: str, since: int = 0) -> list[RoundMetrics]:
@@ -256,6 +258,16 @@ class RunRecords:
         """Return how many messages were refused so far, by kind of reason."""
         counts = self._client.hgetall(RunKeys(run).quarantine_counts)
         return {kind.decode(): int(count) for kind, count in sorted(counts.items())}
+
+    @bus_errors()
+    def counters(self, run: str) -> RunCounters:
+        """Return what was counted about a run."""
+        keys = RunKeys(run)
+        with self._client.pipeline(transaction=False) as pipe:
+            pipe.hgetall(keys.counters)
+            pipe.hgetall(keys.leases)
+            pipe.get(keys.fence)
+            return read_counters(*pipe.execute())
 
 
 def _now() -> str:

@@ -1,6 +1,8 @@
 """An agent's end of the bus: lease slots, fetch their policy, deliver their trajectories."""
 
 import math
+import time
+from collections import Counter
 from collections.abc import Sequence
 from types import TracebackType
 from typing import Any
@@ -10,6 +12,7 @@ import redis
 
 from taskschema.bus.admission import DATA, HEADER
 from taskschema.bus.connection import LONGEST_BLOCK_MS, bus_errors
+from taskschema.bus.counters import JOINED, LEASE, TAKEN_OVER, observe
 from taskschema.bus.heartbeat import Heartbeat
 from taskschema.bus.keys import GROUP, RunKeys
 from taskschema.bus.lease import Lease
@@ -60,7 +63,7 @@ class WorkerBus:
         self._records = RunRecords(client)
         self._config: RunConfig | None = None
         self._heartbeat: Heartbeat | None = None
-        self._held: dict[bytes, Lease] = {}
+        self._held: dict[bytes, float] = {}  # when each entry was leased [s]
         self._snapshot: PolicySnapshot | None = None
 
     def __enter__(self) -> "WorkerBus":
@@ -100,7 +103,8 @@ class WorkerBus:
             pipe.hmget(self._keys.config, "protocol", "hash")
             pipe.setnx(self._keys.agent_kind, self._kind)
             pipe.get(self._keys.agent_kind)
-            (protocol, config_hash), _, kind = pipe.execute()
+            pipe.hincrby(self._keys.leases, JOINED, 1)
+            (protocol, config_hash), _, kind, _ = pipe.execute()
         if int(protocol) != PROTOCOL_VERSION or config_hash.decode() != config.config_hash:
             raise ConfigError(
                 f"Run {self._run!r} was started by another version of taskschema (protocol {int(protocol)}, "
@@ -144,7 +148,7 @@ class WorkerBus:
         leases, worthless = self._sort(entries)
         if worthless:
             self._client.xack(self._keys.work, GROUP, *worthless)
-        self._held.update({lease.entry_id: lease for lease in leases})
+        self._held.update(dict.fromkeys((lease.entry_id for lease in leases), time.monotonic()))
         self._beating.hold([lease.entry_id for lease in leases])
         return leases
 
@@ -179,7 +183,10 @@ class WorkerBus:
                 raise
             ensure_group(self._client, self._keys)  # Redis was emptied; the learner offers its slots again
             return []
-        return [(entry_id, fields) for entry_id, fields in claimed[1] if entry_id is not None]
+        entries = [(entry_id, fields) for entry_id, fields in claimed[1] if entry_id is not None]
+        if entries:
+            self._client.hincrby(self._keys.leases, TAKEN_OVER, len(entries))
+        return entries
 
     def _offered(self, count: int, block_ms: int) -> list[tuple[bytes, dict[bytes, bytes]]]:
         streams = self._client.xreadgroup(
@@ -225,6 +232,9 @@ class WorkerBus:
                     entry = {HEADER: self._header(lease), DATA: encode_slot(trajectories)}
                     pipe.xadd(self._keys.trajectories, entry)
                     pipe.xack(self._keys.work, GROUP, lease.entry_id)
+                for leased_at, count in Counter(self._held.get(lease.entry_id) for lease, _ in part).items():
+                    if leased_at is not None:
+                        observe(pipe, self._keys.leases, LEASE, time.monotonic() - leased_at, count)
                 pipe.execute()
             del results[:SLOTS_PER_TRANSACTION]
             for lease, _ in part:

@@ -10,15 +10,15 @@ from taskschema.skills.pairs import PairSpace
 from taskschema.skills.registry import SKILLS
 from taskschema.tasks.hinge_task import HingeTask
 
-FOOT_RADIUS = 0.03
+FOOT_RADIUS = 0.04
 """[m]"""
 FOOT_HEIGHT = 0.01
 """[m]"""
-BODY_RADIUS = 0.019
+BODY_RADIUS = 0.013
 """[m]"""
 BODY_TOP = 0.11
 """Height of the body's upper end above the table [m]."""
-BAR_LENGTH = 0.19
+BAR_LENGTH = 0.22
 """Of the handle, end to end [m]."""
 BAR_RADIUS = 0.01
 """[m]"""
@@ -26,7 +26,7 @@ BAR_DIRECTION = np.deg2rad(70.0)
 """Angle of the handle to the world's x axis at the start [rad]: nearly along the line between the robots.
 
 Half a turn then begins on one robot's side and keeps clear of a hand that comes from the other."""
-CORKSCREW_SIZE = (0.19, 0.19, 0.14)
+CORKSCREW_SIZE = (0.22, 0.22, 0.14)
 """Length of the handle, twice, and height [m]."""
 FRICTION = 1.2
 """Coefficient of sliding friction between rubber pads and the ribbed base."""
@@ -39,7 +39,7 @@ FRICTION_STIFFNESS = 10
 HINGE_FRICTION = 0.05
 """Torque that the hinge resists with [Nm]: several times what the foot's friction holds."""
 
-EXPERT_APPROACH = 1.0
+EXPERT_APPROACH = 0.8
 """[rad] approach angle of the expert's side grasp."""
 
 

@@ -10,6 +10,7 @@ from api_setup import RUN, TOKEN, Served, trained_run
 from taskschema.bus.connection import connect
 from taskschema.bus.records import RunRecords
 from taskschema_learner.api.process import ApiProcess
+from taskschema_learner.api.rates import DEFAULTS
 from taskschema_learner.embedded_redis import EmbeddedRedis
 
 
@@ -23,8 +24,14 @@ def redis_url(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def api_url(redis_url):
-    with ApiProcess(redis_url, RUN, "127.0.0.1:0", token=TOKEN) as api:
-        yield api.url
+    limits = dict.fromkeys(DEFAULTS, "100000/second")  # tests come faster than people do
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in limits.items():
+            patch.setenv(name, value)
+        api = ApiProcess(redis_url, RUN, "127.0.0.1:0", token=TOKEN)
+        api.__enter__()
+    yield api.url
+    api.__exit__(None, None, None)
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,7 @@ from api_setup import TOKEN, document, metrics, snapshot
 from taskschema.config import RunConfig
 from taskschema.policies import PolicySnapshot
 from taskschema.schema import SchemaDocument
-from taskschema_learner.api.access import TOKEN_VARIABLE
+from taskschema_learner.api.tokens import TOKEN_VARIABLE
 from taskschema_learner.run_folder import RunFolder
 
 NAME = "finished-run"

@@ -43,11 +43,10 @@ class Address:
         except ValueError:
             return self.host == "localhost"
 
-    @property
-    def url(self) -> str:
-        """`http://HOST:PORT`, without a slash at the end."""
+    def url(self, *, tls: bool = False) -> str:
+        """Return `http://HOST:PORT` or `https://HOST:PORT`, without a slash at the end."""
         host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"http://{host}:{self.port}"
+        return f"{'https' if tls else 'http'}://{host}:{self.port}"
 
     @property
     def reachable_host(self) -> str:

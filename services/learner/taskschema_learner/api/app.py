@@ -15,11 +15,13 @@ from starlette.responses import JSONResponse
 from taskschema import __version__
 from taskschema.errors import BusError, RunFolderError, TaskschemaError, WireError
 from taskschema_learner.api.access import Access
+from taskschema_learner.api.description import describe_needs
 from taskschema_learner.api.gate import Gate
 from taskschema_learner.api.models import Problem
 from taskschema_learner.api.problems import RequestError
+from taskschema_learner.api.rates import Rates
 from taskschema_learner.api.routes import ROUTERS
-from taskschema_learner.api.routes.answers import BEARER
+from taskschema_learner.api.scopes import methods_of
 from taskschema_learner.api.source import RunSource
 from taskschema_learner.api.state import ApiState
 
@@ -32,7 +34,8 @@ RETRY_AFTER = {"Retry-After": "2"}
 _DESCRIPTION = """\
 The task schema, the policy and the progress of training runs (Chitnis et al., ICRA 2020).
 
-Whatever changes something needs the token that is printed at start: press *Authorize*. Every error is
+Whatever changes something needs the token that is printed at start, or one made by `taskschema token`: press
+*Authorize*. Every error is
 `{"detail": "one line that says what to do"}`.
 """
 _TAGS = [
@@ -45,8 +48,18 @@ _TAGS = [
 ]
 
 
-def build_app(source: RunSource, access: Access, default_run: str | None = None) -> FastAPI:
-    """Return the application for a source; `default_run` is meant where a request names none."""
+def build_app(
+    source: RunSource, access: Access, default_run: str | None = None, rates: Rates | None = None
+) -> FastAPI:
+    """Return the application for a source.
+
+    Args:
+        source: where runs are kept.
+        access: address and tokens.
+        default_run: the run that is meant where a request names none.
+        rates: how often an address may ask; None: what the environment says.
+
+    """
     app = FastAPIOffline(
         title="taskschema",
         version=__version__,
@@ -64,12 +77,13 @@ def build_app(source: RunSource, access: Access, default_run: str | None = None)
     )
     app.state.api = ApiState(source, default_run)
     for router in ROUTERS:
-        app.include_router(router, dependencies=[] if access.address.is_loopback else [BEARER])
+        app.include_router(router)
+    app.openapi = describe_needs(app, access)  # type: ignore[method-assign]
     app.add_exception_handler(TaskschemaError, _on_taskschema_error)
     app.add_exception_handler(RequestValidationError, _on_invalid_request)
     app.add_exception_handler(HTTPException, _on_http_error)
     app.add_exception_handler(Exception, _on_bug)
-    app.add_middleware(Gate, access=access)
+    app.add_middleware(Gate, access=access, rates=rates or Rates.of())
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=access.hosts, www_redirect=False)
     return app
 
@@ -117,7 +131,9 @@ async def _on_http_error(request: Request, error: Exception) -> JSONResponse:
         line = "The request's body is no JSON in UTF-8."
     elif error.status_code == 405:
         line = f"{request.method[:20]} is not possible here: GET /docs lists every path and method."
-    headers = dict(error.headers) if error.headers else None
+    headers = dict(error.headers) if error.headers else {}
+    if error.status_code == 405 and (methods := methods_of(request.url.path)):
+        headers["Allow"] = ", ".join(methods)  # all of the path's: the router knows one route's
     return _problem(error.status_code, line, headers)
 
 

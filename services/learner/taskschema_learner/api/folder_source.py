@@ -6,6 +6,7 @@ from pathlib import Path
 
 import msgspec
 
+from taskschema.bus.counters import RunCounters
 from taskschema.bus.records import FIRST_EVENT, PublishedPolicy, Request
 from taskschema.bus.run_status import RunStatus
 from taskschema.bus.worker_info import WorkerInfo
@@ -122,6 +123,10 @@ class FolderSource:
         """Refuse: a finished run does nothing any more."""
         self._require(run)
         raise ConflictError(_FINISHED)
+
+    def counters(self, run: str) -> RunCounters:
+        """Return what the rounds tell: nothing about workers is kept."""
+        return RunCounters.of_rows(self.curve(run))
 
     def quarantine(self, run: str) -> dict[str, int]:
         """Return no reasons: only their total is kept, in the last row of the curve."""

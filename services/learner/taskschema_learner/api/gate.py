@@ -1,32 +1,64 @@
-"""Refusing what `Access` does not allow, before anything else looks at the request."""
+"""Refusing what `Access` does not allow, and what comes too often, before anything else looks at it."""
 
+from limits.aio.storage import MemoryStorage
+from limits.aio.strategies import FixedWindowRateLimiter
 from starlette.datastructures import Headers
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from taskschema_learner.api.access import TOKEN_VARIABLE, Access
+from taskschema_learner.api.access import Access, bearer_token
+from taskschema_learner.api.rates import Rates
+from taskschema_learner.api.scopes import CONTROL, Need
+from taskschema_learner.api.tokens import TOKEN_VARIABLE
+
+NO_TOKEN = (
+    "This needs the API's token: send the header 'Authorization: Bearer TOKEN' "
+    f"(it is printed at start, or set in {TOKEN_VARIABLE})."
+)
+CHALLENGE = {"WWW-Authenticate": 'Bearer realm="taskschema"'}
 
 
 class Gate:
-    """Answers 401 to requests that need the token and do not carry it."""
+    """Answers 401 and 403 to requests without the token that they need, 429 to those that come too often."""
 
-    def __init__(self, app: ASGIApp, access: Access) -> None:
+    def __init__(self, app: ASGIApp, access: Access, rates: Rates) -> None:
         self._app = app
         self._access = access
+        self._rates = rates
+        self._limiter = FixedWindowRateLimiter(MemoryStorage())
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on, or refuse it."""
-        refusal = self._refusal(scope) if scope["type"] == "http" else None
+        refusal = await self._refusal(scope) if scope["type"] == "http" else None
         await (refusal or self._app)(scope, receive, send)
 
-    def _refusal(self, scope: Scope) -> JSONResponse | None:
-        if not self._access.needs_token(scope["method"], scope["path"]):
+    async def _refusal(self, scope: Scope) -> JSONResponse | None:
+        client = scope["client"][0] if scope.get("client") else ""
+        need = self._access.need(scope["method"], scope["path"])
+        if not await self._limiter.hit(self._rates.requests, "requests", client):
+            return self._too_often(f"more than {self._rates.requests} requests")
+        if not need:
             return None
-        if self._access.accepts(Headers(scope=scope).get("authorization")):
+        if not await self._limiter.test(self._rates.failures, "failures", client):
+            return self._too_often(f"more than {self._rates.failures} tokens that are wrong")
+        authorization = Headers(scope=scope).get("authorization")
+        status = self._access.status(need, authorization)
+        if status == 200:
+            if need == CONTROL and not await self._limiter.hit(self._rates.changes, "changes", client):
+                return self._too_often(f"more than {self._rates.changes} changes")
             return None
-        line = (
-            "This needs the API's token: send the header 'Authorization: Bearer TOKEN' "
-            f"(it is printed at start, or set in {TOKEN_VARIABLE})."
-        )
-        challenge = {"WWW-Authenticate": 'Bearer realm="taskschema"'}
-        return JSONResponse({"detail": line}, status_code=401, headers=challenge)
+        if status == 401 and bearer_token(authorization):
+            await self._limiter.hit(self._rates.failures, "failures", client)
+        return _refused(status, need)
+
+    def _too_often(self, what: str) -> JSONResponse:
+        line = f"This address sent {what}: wait, and try again."
+        return JSONResponse({"detail": line}, status_code=429, headers={"Retry-After": "1"})
+
+
+def _refused(status: int, need: Need) -> JSONResponse:
+    if status == 401:
+        return JSONResponse({"detail": NO_TOKEN}, status_code=401, headers=CHALLENGE)
+    scopes = " or ".join(sorted(need))
+    line = f"This token may not do that: it needs the scope {scopes}. Make one with `taskschema token`."
+    return JSONResponse({"detail": line}, status_code=403)

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag
 
 from taskschema.bus.run_status import RunStatus
 from taskschema.bus.worker_info import WorkerInfo
@@ -13,6 +13,15 @@ from taskschema_learner.api.struct_models import model_of
 
 LARGEST_INTEGER = 2**53 - 1
 """Largest integer that every JSON reader keeps exact."""
+
+
+def _integral(value: Any) -> Any:  # noqa: ANN401 - anything can be sent
+    """Return a whole number as an integer: JSON makes no difference between 4 and 4.0."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+WHOLE = BeforeValidator(_integral)
+"""Lets a strict integer be written with a decimal point, too."""
 
 SchemaAnswer = model_of(SchemaDocument)
 CurveRow = model_of(RoundMetrics)
@@ -103,7 +112,7 @@ class WorkerTarget(ApiModel):
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"target": 4}, {"target": None}]})
 
-    target: Annotated[int, Field(strict=True, ge=1, le=10_000)] | None
+    target: Annotated[int, Field(strict=True, ge=1, le=10_000), WHOLE] | None
     """Number of workers, at most the capacity is used; null: as many as there is capacity for."""
 
 
@@ -156,11 +165,11 @@ class ActRequest(ApiModel):
 
     observation: Observation
     """SI values by field name, or the flat vector of D numbers; GET /policy/meta lists the fields."""
-    step: Annotated[int, Field(strict=True, ge=0, le=LARGEST_INTEGER)]
+    step: Annotated[int, Field(strict=True, ge=0, le=LARGEST_INTEGER), WHOLE]
     """Step of the episode, from 0 to T - 1 (row `t` = step + 1 of the schema)."""
     mode: Literal["sampled", "mean"] = "sampled"
     """`sampled`: draw pair and arguments, as in training; `mean`: the most probable pair, mean arguments."""
-    seed: Annotated[int, Field(strict=True, ge=0, le=LARGEST_INTEGER)] | None = None
+    seed: Annotated[int, Field(strict=True, ge=0, le=LARGEST_INTEGER), WHOLE] | None = None
     """Makes a sampled answer repeatable; null: a random one, which the answer tells."""
 
 

@@ -4,6 +4,7 @@ import http.client
 import os
 import signal
 import socket
+import ssl
 import subprocess
 import sys
 import tempfile
@@ -14,8 +15,10 @@ from typing import IO, Self
 
 from taskschema.bus.url import REDIS_VARIABLE
 from taskschema.errors import ConfigError
-from taskschema_learner.api.access import TOKEN_VARIABLE, Access, new_token
 from taskschema_learner.api.address import Address
+from taskschema_learner.api.rates import Rates
+from taskschema_learner.api.tokens import TOKEN_VARIABLE, Tokens, new_token
+from taskschema_learner.api.transport import Tls
 
 START_TIMEOUT = 30.0
 """Longest wait for the first answer [s]; usually about one second."""
@@ -29,7 +32,15 @@ class ApiProcess:
     The child dies with the thread that entered (PR_SET_PDEATHSIG): enter it in the main thread.
     """
 
-    def __init__(self, redis_url: str, run: str | None, address: str, *, token: str | None = None) -> None:
+    def __init__(
+        self,
+        redis_url: str,
+        run: str | None,
+        address: str,
+        *,
+        token: str | None = None,
+        tls: Tls | None = None,
+    ) -> None:
         """Describe the process.
 
         Args:
@@ -37,9 +48,10 @@ class ApiProcess:
             run: the run that is meant where a request names none.
             address: HOST:PORT; port 0 takes any free one.
             token: what changes need; None: TASKSCHEMA_API_TOKEN, or a new random one.
+            tls: certificate and key; None: no TLS.
 
         Raises:
-            ConfigError: if address or token cannot be used.
+            ConfigError: if the address, a token or a limit in the environment cannot be used.
         """
         self._redis_url = redis_url
         self._run = run
@@ -49,12 +61,14 @@ class ApiProcess:
         """The bearer token."""
         self.token_is_generated = given is None
         """Whether somebody has to be told the token."""
-        Access(self._address, self.token)
+        self._tls = tls
+        Tokens.of(self.token)
+        Rates.of()
 
     @property
     def url(self) -> str:
-        """`http://HOST:PORT`; with port 0 the port is known once entered."""
-        return self._address.url
+        """`http://HOST:PORT`, or `https:`; with port 0 the port is known once entered."""
+        return self._address.url(tls=self._tls is not None)
 
     def __enter__(self) -> Self:
         """Start the child and wait until it answers.
@@ -92,6 +106,8 @@ class ApiProcess:
         command = [sys.executable, "-m", "taskschema_learner.api"]
         command += ["--host", self._address.host, "--port", str(self._address.port)]
         command += ["--fd", str(listener.fileno()), "--parent", str(os.getpid())]
+        if self._tls is not None:
+            command += ["--tls-cert", str(self._tls.certificate), "--tls-key", str(self._tls.key)]
         return command if self._run is None else [*command, "--run", self._run]
 
     def _wait_until_it_answers(self) -> None:
@@ -107,7 +123,13 @@ class ApiProcess:
 
     def _answers(self) -> bool:
         # The socket listens before the child reads it: this waits in the queue until it does.
-        connection = http.client.HTTPConnection(self._address.reachable_host, self._address.port, timeout=1)
+        host, port = self._address.reachable_host, self._address.port
+        if self._tls is None:
+            connection = http.client.HTTPConnection(host, port, timeout=1)
+        else:
+            # Our own listening socket: whether its certificate suits its clients is not asked here.
+            context = ssl._create_unverified_context()
+            connection = http.client.HTTPSConnection(host, port, timeout=1, context=context)
         try:
             connection.request("GET", "/healthz")
             return connection.getresponse().status == 200

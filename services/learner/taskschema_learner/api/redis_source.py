@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from taskschema.bus.connection import connect
+from taskschema.bus.counters import RunCounters
 from taskschema.bus.records import PublishedPolicy, Request, RunRecords
 from taskschema.bus.run_status import RunStatus
 from taskschema.bus.worker_info import WorkerInfo
@@ -109,6 +110,10 @@ class RedisSource:
         """Leave a request for the learner, which looks several times a second."""
         self._refuse_if_ended(run)
         self._records.request(run, request)
+
+    def counters(self, run: str) -> RunCounters:
+        """Return what agents and learners counted."""
+        return self._of(run).counters(run)
 
     def quarantine(self, run: str) -> dict[str, int]:
         """Return how many messages were refused, by kind of reason."""

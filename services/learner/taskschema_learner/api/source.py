@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Protocol
 
+from taskschema.bus.counters import RunCounters
 from taskschema.bus.records import PublishedPolicy, Request
 from taskschema.bus.run_status import RunStatus
 from taskschema.bus.worker_info import WorkerInfo
@@ -77,6 +78,9 @@ class RunSource(Protocol):
         Raises:
             ConflictError: if the run is in no state to do so.
         """
+
+    def counters(self, run: str) -> RunCounters:
+        """Return what was counted about a run since it began."""
 
     def quarantine(self, run: str) -> dict[str, int]:
         """Return how many messages were refused so far, by reason."""

@@ -15,9 +15,11 @@ from taskschema_learner.cli import (
     doctor,
     evaluation,
     experiment,
+    replay,
     run_facts,
     scale,
     serve,
+    token,
     train,
 )
 
@@ -29,7 +31,20 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for module in (train, serve, evaluation, run_facts, audit, experiment, curves, scale, catalogue, doctor):
+for module in (
+    train,
+    serve,
+    evaluation,
+    run_facts,
+    audit,
+    experiment,
+    replay,
+    curves,
+    scale,
+    token,
+    catalogue,
+    doctor,
+):
     module.register(app)
 
 

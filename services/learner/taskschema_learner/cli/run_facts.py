@@ -1,12 +1,16 @@
 """`taskschema schema` and `taskschema hash`: what a run has learned."""
 
+import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from taskschema_learner.cli.output import Json, RunReference, print_json
 from taskschema_learner.cli.run_reference import find_run
+
+if TYPE_CHECKING:
+    from taskschema_learner.run_folder import RunFolder
 
 
 def register(app: typer.Typer) -> None:
@@ -26,7 +30,8 @@ def schema(
         ),
     ] = False,
     export: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the schema to a file for --init-schema.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Write the schema to a signed file, for --init-schema anywhere."),
     ] = None,
 ) -> None:
     """Show the task schema that a run has learned: the most probable skill pair of every step."""
@@ -39,11 +44,7 @@ def schema(
     folder = find_run(run)
     document = folder.read_schema()
     if export is not None:
-        import msgspec
-
-        from taskschema_learner.run_folder import write_atomically
-
-        write_atomically(export, msgspec.json.format(msgspec.json.encode(document), indent=1))
+        _export(folder, export)
     if as_json:
         print_json(document)
         return
@@ -53,6 +54,19 @@ def schema(
         console.print(schema_table(document.best))
         console.print(f"{document.task}, policy version {document.version}, {document.updated_at}")
     print(f"Schema found: {schema_words(comparison.found)}; {comparison.sentence}.")
+
+
+def _export(folder: "RunFolder", path: Path) -> None:
+    """Write the signed file and say, beside what a program may read, whose signature it is."""
+    from taskschema_learner.schema_file import export_schema
+    from taskschema_learner.signing import PUBLIC_SUFFIX, key_path, owner_key
+
+    written = export_schema(folder, path, owner_key())
+    print(
+        f"{path}: signed with the key {written.signature.public_key}; who is to check it needs "
+        f"{key_path()}{PUBLIC_SUFFIX}.",
+        file=sys.stderr,
+    )
 
 
 def print_hash(run: RunReference) -> None:

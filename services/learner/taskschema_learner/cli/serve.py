@@ -8,6 +8,7 @@ import typer
 
 from taskschema_learner.cli.output import RunReference
 from taskschema_learner.cli.run_reference import find_run
+from taskschema_learner.cli.train_options import ApiTlsCert, ApiTlsKey
 
 
 def register(app: typer.Typer) -> None:
@@ -28,11 +29,13 @@ def serve(
             help="Serve the run from this Redis, where it may be training, instead of from its folder.",
         ),
     ] = None,
+    api_tls_cert: ApiTlsCert = None,
+    api_tls_key: ApiTlsKey = None,
 ) -> None:
     """Serve a run over HTTP: its schema, its policy, its curve, and actions for observations.
 
     Stop it with Ctrl-C. Beyond this machine every request needs the token that is printed at the start,
-    or that TASKSCHEMA_API_TOKEN sets.
+    or that TASKSCHEMA_API_TOKEN sets, or one made by `taskschema token`.
     """
     from taskschema.bus.url import REDIS_VARIABLE
     from taskschema_learner.api import command
@@ -40,6 +43,8 @@ def serve(
 
     address = Address.parse(api)
     options = ["--host", address.host, "--port", str(address.port)]
+    for name, file in (("--tls-cert", api_tls_cert), ("--tls-key", api_tls_key)):
+        options += [] if file is None else [name, str(file)]
     if redis is None:
         options += ["--folder", str(find_run(run).path)]
     else:

@@ -1,5 +1,6 @@
 """`taskschema train`: learn a task."""
 
+import os
 import shlex
 import shutil
 from collections.abc import Mapping
@@ -32,6 +33,7 @@ def train(
     slots: option.Slots = 50,
     init_schema: option.InitSchema = None,
     freeze_schema: option.FreezeSchema = False,
+    schema_public_key: option.SchemaPublicKey = None,
     settings: option.Settings = None,
     until_success: option.UntilSuccess = 0.9,
     rounds: option.Rounds = None,
@@ -43,6 +45,9 @@ def train(
     ray: option.Ray = None,
     device: option.Device = "cpu",
     api: option.Api = "127.0.0.1:8420",
+    api_tls_cert: option.ApiTlsCert = None,
+    api_tls_key: option.ApiTlsKey = None,
+    log_format: option.LogFormat = "text",
 ) -> None:
     """Learn a task: which skill each arm runs at each step, and with which arguments.
 
@@ -50,6 +55,7 @@ def train(
     --resume goes on.
     """
     from taskschema.errors import ConfigError
+    from taskschema_learner.api.transport import Tls
 
     if ray is not None and redis is None:
         raise ConfigError("--ray needs --redis: a cluster's workers cannot reach the Redis inside this run.")
@@ -64,6 +70,7 @@ def train(
     else:
         config = _new_config(task, task_file, agent)
     config = _with_options(config, given)
+    tls = Tls.of(api_tls_cert, api_tls_key)
 
     # These need torch, which takes seconds to import: what is wrong with the options shows before.
     from taskschema_learner.composition import TrainOptions
@@ -79,9 +86,11 @@ def train(
             redis=redis,
             ray=ray,
             api=None if api == "none" else api,
+            api_tls=tls,
             device=device,
             agent=_agent_kind(agent),
-        )
+        ),
+        log_format,
     )
 
 
@@ -165,7 +174,9 @@ def _with_options(config: "RunConfig", given: Mapping[str, Any]) -> "RunConfig":
         changes["task"], changes["task_source"] = read_task_file(given["task_file"])
     schema: dict[str, Any] = {}
     if "init_schema" in given:
-        schema["initial_logits"] = initial_logits(given["init_schema"], config)
+        schema["initial_logits"] = initial_logits(
+            given["init_schema"], config, given.get("schema_public_key")
+        )
     if "freeze_schema" in given:
         schema["frozen"] = given["freeze_schema"]
     changes["schema"] = msgspec.structs.replace(config.schema, **schema)
@@ -179,30 +190,58 @@ def _with_options(config: "RunConfig", given: Mapping[str, Any]) -> "RunConfig":
     return override(changed, assignments)
 
 
-def initial_logits(reference: str, config: "RunConfig") -> tuple[tuple[float, ...], ...]:
-    """Return the logits of a schema file, or of a run."""
+def initial_logits(
+    reference: str, config: "RunConfig", public_key: Path | None = None
+) -> tuple[tuple[float, ...], ...]:
+    """Return the logits of a schema file, or of a run.
+
+    Raises:
+        TaskschemaError: if there is none, it does not fit the task, or the owner of a configured public key
+            did not sign it.
+
+    """
+    from taskschema.errors import SignatureError
     from taskschema.schema import logits_from_document
     from taskschema.tasks.registry import task_of
     from taskschema_learner.cli.run_reference import find_run
-    from taskschema_learner.run_folder import read_schema_file
+    from taskschema_learner.schema_file import read_schema
+    from taskschema_learner.signing import read_public_key
 
     path = Path(reference)
-    document = read_schema_file(path) if path.is_file() else find_run(reference).read_schema()
+    trusted = None if public_key is None else read_public_key(public_key)
+    if path.is_file():
+        document = read_schema(path, trusted)
+    else:
+        folder = find_run(reference)
+        if trusted is not None:
+            raise SignatureError(
+                f"Run {folder.name} is not signed, and a public key is configured: take the file that "
+                f"`taskschema schema {reference} --export FILE` writes."
+            )
+        document = folder.read_schema()
     task = task_of(config)
     return tuple(map(tuple, logits_from_document(document, task.pairs, task.horizon).tolist()))
 
 
-def _run(options: "TrainOptions") -> None:
+def _run(options: "TrainOptions", log_kind: str) -> None:
     from rich.console import Console
 
     from taskschema.errors import TaskschemaError
+    from taskschema.logs import FORMAT_VARIABLE, log_format
     from taskschema_learner.composition import run_training
+    from taskschema_learner.log_observer import LogObserver
     from taskschema_learner.logs import RunLog
     from taskschema_learner.terminal import TerminalObserver
 
+    kind = log_format(log_kind)
+    os.environ[FORMAT_VARIABLE] = kind  # for the workers that are started here
     is_new = not options.run_dir.exists()
     console = Console(highlight=False)
-    observer = TerminalObserver(console, RunLog(console), _resume_command(options), options.config.policy)
+    run_log = RunLog(console, kind)
+    again = _resume_command(options)
+    observer: LogObserver | TerminalObserver = LogObserver(run_log, again)
+    if kind == "text":
+        observer = TerminalObserver(console, run_log, again, options.config.policy)
     try:
         run_training(options, observer)
     except TaskschemaError:

@@ -38,6 +38,15 @@ InitSchema = Annotated[
 FreezeSchema = Annotated[
     bool, typer.Option("--freeze-schema", help="Leave the schema as it starts.", rich_help_panel=_LEARN)
 ]
+SchemaPublicKey = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        envvar="TASKSCHEMA_SCHEMA_PUBLIC_KEY",
+        help="Take --init-schema only from a file that the owner of this public key signed.",
+        rich_help_panel=_LEARN,
+    ),
+]
 Settings = Annotated[
     list[str] | None,
     typer.Option(
@@ -111,5 +120,24 @@ Api = Annotated[
     str,
     typer.Option(
         metavar="HOST:PORT", help="Where the HTTP API listens; none: nowhere.", rich_help_panel=_PLACE
+    ),
+]
+ApiTlsCert = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="TLS for the API: its certificate, as PEM.", rich_help_panel=_PLACE),
+]
+ApiTlsKey = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE", help="The certificate's key without a password, as PEM.", rich_help_panel=_PLACE
+    ),
+]
+LogFormat = Annotated[
+    str,
+    typer.Option(
+        metavar="text|json",
+        envvar="TASKSCHEMA_LOG_FORMAT",
+        help="text: for people; json: a line of JSON for every event, on standard error.",
+        rich_help_panel=_PLACE,
     ),
 ]

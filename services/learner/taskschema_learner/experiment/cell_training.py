@@ -15,8 +15,6 @@ from taskschema.config import RunConfig
 from taskschema.errors import ExperimentError
 from taskschema_learner.experiment.cell import Cell
 
-ENTRY = "from taskschema_learner.cli.main import main; main()"
-
 
 class CellTraining:
     """Runs `taskschema train` for one cell after the other; Ctrl-C and SIGTERM stop it cleanly.
@@ -77,7 +75,9 @@ class CellTraining:
         before = {number: signal.signal(number, self._stop) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
             # A process group of its own: one Ctrl-C in the terminal is one request, passed on once.
-            self._child = subprocess.Popen([sys.executable, "-c", ENTRY, *arguments], process_group=0)
+            self._child = subprocess.Popen(
+                [sys.executable, "-m", "taskschema_learner", *arguments], process_group=0
+            )
             status = self._child.wait()
         finally:
             self._child = None

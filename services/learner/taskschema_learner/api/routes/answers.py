@@ -2,8 +2,7 @@
 
 from typing import Any
 
-from fastapi import Depends, Request, Response
-from fastapi.security import HTTPBearer
+from fastapi import Request, Response
 
 from taskschema_learner.api.models import Problem
 
@@ -12,10 +11,6 @@ Responses = dict[int | str, dict[str, Any]]
 UNKNOWN: Responses = {404: {"model": Problem, "description": "No such run, or nothing of it yet."}}
 CONFLICT: Responses = {409: {"model": Problem, "description": "The run's state does not allow it."}}
 NOT_MODIFIED: Responses = {304: {"description": "Unchanged since the ETag that was sent."}}
-TOKEN: Responses = {401: {"model": Problem, "description": "The token is missing or wrong."}}
-
-BEARER = Depends(HTTPBearer(auto_error=False, description="The API's token, printed at start."))
-"""Marks what needs the token in the description; `Gate` is what checks it."""
 
 
 def tagged(

@@ -1,0 +1,77 @@
+"""`taskschema replay`: films of episodes."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from taskschema_learner.cli.run_reference import find_run
+
+CAMERAS = ("front", "close", "overhead")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(replay)
+
+
+def replay(
+    run: Annotated[
+        str | None, typer.Argument(metavar="RUN", help="A run's folder, or its name below runs/.")
+    ] = None,
+    expert: Annotated[
+        str | None, typer.Option(metavar="TASK", help="Show a task's scripted expert instead of a run.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="File: .mp4, .gif or .png (the last frame). Default: NAME.mp4."),
+    ] = None,
+    episodes: Annotated[int, typer.Option(min=1, max=100, help="Episodes to show.")] = 3,
+    step: Annotated[
+        int | None, typer.Option(min=1, help="Show only this step of every episode, from 1.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Draws the expert's instances.")] = 0,
+    sampled: Annotated[
+        bool,
+        typer.Option("--sampled", help="A run's sampled actions, as in training, instead of its mean ones."),
+    ] = False,
+    camera: Annotated[
+        str, typer.Option(metavar="front|close|overhead", help="Both arms, the hands, or straight down.")
+    ] = "front",
+    width: Annotated[int, typer.Option(min=64, max=1920, help="Of the film [pixel].")] = 640,
+    height: Annotated[int, typer.Option(min=64, max=1440, help="Of the film [pixel].")] = 480,
+) -> None:
+    """Make a film of episodes, with the names of the skills written in.
+
+    Shows a run's newest policy on instances it was not trained on, or how a task is solved: --expert TASK.
+    """
+    from taskschema.errors import ConfigError, UnknownNameError
+    from taskschema.tasks.registry import get_task, task_of
+    from taskschema_learner.replay.film import frame_rate
+
+    if (run is None) == (expert is None):
+        raise ConfigError("Name a RUN, or a task with --expert TASK (see `taskschema tasks`), one of both.")
+    if camera not in CAMERAS:
+        raise UnknownNameError("camera", camera, CAMERAS)
+    if width % 2 or height % 2:
+        raise ConfigError(f"A film's width and height are even numbers; got {width} x {height}.")
+    folder = None if run is None else find_run(run)
+    path = out or Path(f"{expert}-expert.mp4" if folder is None else f"{folder.name}.mp4")
+    rate = frame_rate(path)
+
+    from taskschema_learner.replay.film import write_film
+    from taskschema_learner.replay.recorded_episodes import expert_episodes, run_episodes, scene_of
+    from taskschema_learner.replay.replay import Look, draw_episodes
+    from taskschema_worker.rendering.backend import working_backend
+
+    task = scene_of(get_task(expert or "") if folder is None else task_of(folder.config))
+    working_backend()  # says what is missing before anything takes long
+    if folder is None:
+        shown = expert_episodes(task, episodes, seed)
+        title = f"{task.name.replace('-', ' ')}, scripted expert"
+    else:
+        shown = run_episodes(folder, episodes, mean=not sampled)
+        title = f"{folder.name}, policy version {folder.read_schema().version}"
+    look = Look(camera, width, height, step)
+    write_film(path, draw_episodes(task, shown, rate, look, title))
+    print(f"{path}: {len(shown)} episodes, {sum(item.success for item in shown)} solved")

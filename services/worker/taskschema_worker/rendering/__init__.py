@@ -1,0 +1,1 @@
+"""Pictures of the simulation, drawn off screen with or without a GPU."""

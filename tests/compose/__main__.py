@@ -1,0 +1,163 @@
+"""`make compose-test`: the whole service in containers, disturbed, against the same run embedded.
+
+Brings the stack up from nothing, scales it 2 -> 6 -> 1, kills the learner and a worker, restarts every
+service, takes it down and up again, and asks for the schema all the while. In the end the run's hash must be
+that of the same run embedded in the learner's image. Needs a Docker engine; without one it says so.
+"""
+
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from tests.compose.engine import SkippedError, compose_command
+from tests.compose.schema_watch import SchemaWatch
+from tests.compose.stack import RUN, Stack, docker, image_sizes
+
+TASK = "lateral-lifting"
+KILL_ALL = ("sh", "-c", "kill -9 -1")
+"""Every process of a container but its init dies at once; the engine's own `kill` would prevent a restart."""
+
+
+def main() -> int:
+    """Run the check and return the exit status."""
+    try:
+        compose = compose_command()
+    except SkippedError as reason:
+        print(f"compose-test: skipped: {reason}.")
+        return 0
+    with tempfile.TemporaryDirectory(prefix="compose-test-") as folder:
+        stack = Stack(compose, Path(folder), TASK)
+        stack.clean()
+        started = time.monotonic()
+        try:
+            line = check(stack)
+        except (AssertionError, RuntimeError, TimeoutError, OSError) as error:
+            print(stack.compose("logs", "--no-color", "--tail", "40")[-12000:], file=sys.stderr)
+            print(f"compose-test: FAILED: {type(error).__name__}: {error}")
+            return 1
+        finally:
+            stack.clean()
+    print(f"compose-test: passed in {(time.monotonic() - started) / 60:.1f} min: {line}")
+    return 0
+
+
+def check(stack: Stack) -> str:
+    """Do everything and return what was measured, on one line."""
+    build = timed(stack, "--profile", "tools", "build")
+    up = timed(stack, "up", "-d", "--no-build", "--scale", "worker=2")
+    up += stack.workers_become(2) + stack.rounds_pass(2)
+    say(f"built in {build:.0f} s, two rounds after {up:.0f} s")
+    say("images, beyond their base: " + ", ".join(f"{k} {v / 1e6:.0f} MB" for k, v in image_sizes().items()))
+    say("memory: " + ", ".join(f"{name} {size}" for name, size in stack.memory().items()))
+    with SchemaWatch(stack) as watch:
+        grown = scale(stack, 6)
+        stack.rounds_pass(1)
+        shrunk = scale(stack, 1)
+        learner_back = kill_learner(stack)
+        worker_lost = kill_worker(stack)
+        restart_everything(stack, watch)
+        down_and_up(stack, watch)
+    assert not watch.failures, f"{len(watch.failures)} requests for the schema failed: {watch.failures[0]}"
+    assert watch.versions == sorted(watch.versions), "an older schema was answered after a newer one"
+    rounds, here = finish(stack)
+    there = embedded_hash(stack, rounds)
+    assert here == there, f"the run's hash after {rounds} rounds is {here}, embedded it is {there}"
+    check_secrets(stack)
+    return (
+        f"workers 2 -> 6 in {grown:.0f} s, 6 -> 1 in {shrunk:.0f} s; two rounds {learner_back:.0f} s after "
+        f"the learner and {worker_lost:.0f} s after a worker was killed; schema answered {watch.answered} "
+        f"times, slowest {1e3 * watch.slowest:.0f} ms, {watch.excused_failures} not answered while API or "
+        f"Redis was restarted; hash {here[:12]} after {rounds} rounds equals the embedded run's"
+    )
+
+
+def scale(stack: Stack, workers: int) -> float:
+    """Change the number of worker containers; return how long until the pool has followed [s]."""
+    seconds = timed(stack, "up", "-d", "--no-build", "--scale", f"worker={workers}") + stack.workers_become(
+        workers
+    )
+    say(f"{workers} workers after {seconds:.0f} s")
+    return seconds
+
+
+def kill_learner(stack: Stack) -> float:
+    """Kill all processes of the learner's container; return how long two more rounds took [s]."""
+    (learner,) = stack.containers("learner")
+    subprocess.run(["docker", "exec", learner, *KILL_ALL], capture_output=True)
+    seconds = stack.rounds_pass(2)
+    say(f"learner killed: two rounds after {seconds:.0f} s")
+    return seconds
+
+
+def kill_worker(stack: Stack) -> float:
+    """Kill one of two worker containers for good; return how long two more rounds took [s]."""
+    scale(stack, 2)
+    docker("kill", stack.containers("worker")[-1])
+    seconds = stack.rounds_pass(2)
+    say(f"worker killed: two rounds after {seconds:.0f} s")
+    stack.compose("up", "-d", "--no-build", "--scale", "worker=2")
+    stack.workers_become(2)
+    return seconds
+
+
+def restart_everything(stack: Stack, watch: SchemaWatch) -> None:
+    """Restart one service after the other; rounds go on after each."""
+    for service in ("learner", "worker", "head"):
+        stack.compose("restart", service)
+        say(f"{service} restarted: next round after {stack.rounds_pass(1):.0f} s")
+    for service in ("redis", "api"):
+        with watch.excused():
+            stack.compose("restart", service)
+        say(f"{service} restarted: next round after {stack.rounds_pass(1):.0f} s")
+
+
+def down_and_up(stack: Stack, watch: SchemaWatch) -> None:
+    """Take everything down but the volumes, and up again: the run goes on where it was."""
+    before = stack.version()
+    with watch.excused():
+        down = timed(stack, "down")
+        up = timed(stack, "up", "-d", "--no-build", "--scale", "worker=2")
+    assert stack.version() >= before, f"version {stack.version()} after down and up, {before} before"
+    say(f"down took {down:.0f} s, up {up:.0f} s: next round after {stack.rounds_pass(1):.0f} s")
+
+
+def finish(stack: Stack) -> tuple[int, str]:
+    """Stop the run; return its finished rounds and its hash."""
+    stack.post(f"/runs/{RUN}/stop")
+    stack.wait(lambda: not stack.containers("learner"), "the learner's end")
+    return stack.version(), stack.compose("run", "--rm", "-T", "tools", "taskschema", "hash", RUN).strip()
+
+
+def embedded_hash(stack: Stack, rounds: int) -> str:
+    """Train as many rounds with everything in one container, and return that run's hash."""
+    say(f"training {rounds} rounds embedded")
+    train = f"taskschema train {TASK} --until-success 0 --rounds {rounds} --api none --run-dir /tmp/embedded"
+    words = ("run", "--rm", "-T", "tools", "sh", "-c", f"{train} >&2 && taskschema hash /tmp/embedded")
+    return stack.compose(*words).strip()
+
+
+def check_secrets(stack: Stack) -> None:
+    """No secret stands in a log of a container or in the run's folder."""
+    logs = stack.compose("logs", "--no-color")
+    leaked = [secret[:4] for secret in stack.secrets if secret in logs]
+    assert not leaked, f"secrets beginning with {leaked} are in the containers' logs"
+    pattern = "|".join(stack.secrets)
+    search = f"! grep -rqE '{pattern}' /runs"
+    stack.compose("run", "--rm", "-T", "tools", "sh", "-c", search)
+
+
+def timed(stack: Stack, *words: str) -> float:
+    """Run a compose command and return how long it took [s]."""
+    started = time.monotonic()
+    stack.compose(*words)
+    return time.monotonic() - started
+
+
+def say(line: str) -> None:
+    print(f"  {line}", flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,101 @@
+"""What the compose file promises, read from the file; `make compose-test` runs it for real."""
+
+import re
+import shutil
+import subprocess
+
+import pytest
+from compose_file import ROOT, raw, services, settings, variables
+
+OWN = ("redis", "head", "worker", "learner", "api", "tools", "robot")
+"""Services of images that are built here."""
+
+
+def test_every_setting_is_in_the_example_and_every_secret_is_new_each_time():
+    text = (ROOT / "docker-compose.yml").read_text()
+    first, second = settings(), settings()
+    assert variables(text) == set(first)
+    secrets = [name for name in first if name.endswith(("_PASSWORD", "_TOKEN"))]
+    assert len(secrets) == 9
+    for name in secrets:
+        assert re.fullmatch(r"[0-9a-f]{48}", first[name])
+        assert first[name] != second[name]
+    assert len({first[name] for name in secrets}) == 9
+
+
+@pytest.mark.parametrize("service", services())
+def test_containers_can_do_as_little_as_possible(service):
+    settings = services()[service]
+    assert settings["cap_drop"] == ["ALL"]
+    assert settings["read_only"] is True
+    assert settings["security_opt"] == ["no-new-privileges:true"]
+    assert int(settings["user"].partition(":")[0]) > 0
+    assert settings["mem_limit"]
+    assert "privileged" not in settings
+    assert settings.get("healthcheck") or service in ("tools", "robot")
+
+
+def test_only_api_and_grafana_are_published_and_on_loopback():
+    published = {name: each["ports"] for name, each in services().items() if "ports" in each}
+    assert published == {
+        "api": ["${API_ADDRESS:-127.0.0.1:8420}:8420"],
+        "grafana": ["${GRAFANA_ADDRESS:-127.0.0.1:3000}:3000"],
+    }
+    assert raw()["networks"]["bus"] == {"internal": True}
+
+
+def test_each_service_gets_only_its_own_secrets():
+    expected = {
+        "redis": {f"REDIS_{role}_PASSWORD" for role in ("LEARNER", "WORKER", "API", "ROBOT")},
+        "head": {"RAY_AUTH_TOKEN"},
+        "worker": {"RAY_AUTH_TOKEN"},  # the pool hands actors their Redis user
+        "learner": {"RAY_AUTH_TOKEN", "REDIS_LEARNER_PASSWORD", "REDIS_WORKER_PASSWORD"},
+        "api": {"REDIS_API_PASSWORD"} | {f"TASKSCHEMA_API_{scope}TOKEN" for scope in ("", "READ_", "ROBOT_")},
+        "tools": set(),
+        "robot": {"REDIS_ROBOT_PASSWORD"},
+        "prometheus": {"TASKSCHEMA_API_READ_TOKEN"},
+        "grafana": {"GRAFANA_ADMIN_PASSWORD"},
+    }
+    found = {
+        name: {key for key in variables(str(each)) if key.endswith(("_PASSWORD", "_TOKEN"))}
+        for name, each in services().items()
+    }
+    assert found == expected
+
+
+def test_images_have_full_tags_and_their_own_dockerfile():
+    for name, each in services().items():
+        assert re.fullmatch(r"\S+:v?\d+\.\d+\.\d+", each["image"]), name
+        if name in OWN and name != "worker":  # the head builds the workers' image
+            assert (ROOT / each["build"]["dockerfile"]).exists()
+    for path in (ROOT / "deploy/docker").glob("*.Dockerfile"):
+        text = path.read_text()
+        assert re.search(r"^FROM \w+:\d+\.\d+\.\d+-\S+", text, re.MULTILINE), path
+        last_user = re.findall(r"^USER (\S+)", text, re.MULTILINE)[-1]
+        assert last_user == "10001:10001", path
+        if "pip install" in text:
+            assert text.index("pip install") < text.index("COPY shared/taskschema"), path
+
+
+@pytest.mark.parametrize("command", [["docker", "compose"], ["docker-compose"]], ids=" ".join)
+def test_compose_accepts_the_file(command, tmp_path):
+    if (
+        shutil.which(command[0]) is None
+        or subprocess.run([*command, "version"], capture_output=True).returncode
+    ):
+        pytest.skip(f"{' '.join(command)} is not installed here")
+    file = tmp_path / "env"
+    file.write_text("\n".join(f"{name}={value}" for name, value in settings().items()))
+    words = [*command, "--env-file", str(file), "--profile", "monitoring", "--profile", "robot", "config"]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_without_settings_compose_says_what_to_do(tmp_path):
+    if shutil.which("docker-compose") is None:
+        pytest.skip("docker-compose is not installed here")
+    (tmp_path / "env").write_text("")
+    words = ["docker-compose", "--env-file", str(tmp_path / "env"), "config"]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode != 0
+    assert "copy .env.example to .env" in done.stderr
