@@ -7,7 +7,7 @@ import typer
 
 from taskschema import __version__
 from taskschema.errors import TaskschemaError
-from taskschema_robot.cli import calibrate, check, fault, run
+from taskschema_robot.cli import calibrate, check, fault, run, twin
 
 app = typer.Typer(
     help="Drive two Sawyer arms: run episodes with the current policy, on the robots or on their twin.",
@@ -17,7 +17,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for module in (fault, run, calibrate, check):
+for module in (twin, fault, check, calibrate, run):
     module.register(app)
 
 
