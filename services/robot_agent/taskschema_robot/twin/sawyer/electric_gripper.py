@@ -16,7 +16,7 @@ CLOSED_SHARE = 0.02
 """Of the stroke: a set-point below it asks for the full closing force."""
 MOVING_SPEED = 0.003
 """[m/s] above which the fingers count as moving."""
-AT_GOAL = 0.0015
+AT_GOAL = 0.004
 """[m] from the set-point within which the fingers have arrived."""
 
 SIGNALS = {
