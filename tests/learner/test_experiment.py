@@ -167,6 +167,7 @@ def test_an_experiment_that_is_killed_and_stopped_goes_on_to_the_same_result(tmp
     output, _ = process.communicate(timeout=200)
     assert process.returncode == 0, output
     assert "Stopped. Continue with: taskschema experiment paper-sim --tasks toy" in output
+    assert "Warning" not in output
     results = tmp_path / "results" / "paper-sim"
     stopped = json.loads((results / "summary.json").read_text())["cells"][0]
     assert stopped["state"] == "interrupted"
