@@ -11,6 +11,7 @@ from taskschema.tasks.task import Task
 from taskschema_learner.evaluation import held_out_episodes, newest_policy
 from taskschema_learner.run_folder import RunFolder
 from taskschema_worker.audit.episodes import expert, run_schema
+from taskschema_worker.environments import observed
 from taskschema_worker.recording import RecordedEpisode, RecordingEnvironment
 
 
@@ -42,6 +43,8 @@ def run_episodes(folder: RunFolder, count: int, *, mean: bool) -> list[RecordedE
         TaskschemaError: if the run has no policy yet, or its task no scene.
 
     """
-    environment = RecordingEnvironment(scene_of(task_of(folder.config)), threads=os.cpu_count() or 1)
+    task = scene_of(task_of(folder.config))
+    recording = RecordingEnvironment(task, threads=os.cpu_count() or 1)
+    environment = observed(task, recording, folder.config.observation)
     held_out_episodes(folder, newest_policy(folder), count, mean=mean, environment=environment)
-    return environment.episodes
+    return recording.episodes
