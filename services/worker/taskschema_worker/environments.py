@@ -23,15 +23,6 @@ def make_environment(
         environment: BatchEnvironment = SceneEnvironment(task, threads)
     else:
         environment = task.make_environment(threads)
-    return observed(task, environment, observation)
-
-
-def observed(task: Task, environment: BatchEnvironment, observation: ObservationKind) -> BatchEnvironment:
-    """Return an environment of the task whose policy sees its state, or pictures of it.
-
-    Raises:
-        ConfigError: for `image`, if nothing shows how the task looks.
-    """
     if observation == "state":
         return environment
     if not hasattr(environment, "frames"):

@@ -11,7 +11,6 @@ from taskschema.tasks.task import Task
 from taskschema_learner.evaluation import held_out_episodes, newest_policy
 from taskschema_learner.run_folder import RunFolder
 from taskschema_worker.audit.episodes import expert, run_schema
-from taskschema_worker.environments import observed
 from taskschema_worker.recording import RecordedEpisode, RecordingEnvironment
 
 
@@ -44,7 +43,8 @@ def run_episodes(folder: RunFolder, count: int, *, mean: bool) -> list[RecordedE
 
     """
     task = scene_of(task_of(folder.config))
-    recording = RecordingEnvironment(task, threads=os.cpu_count() or 1)
-    environment = observed(task, recording, folder.config.observation)
+    if folder.config.observation != "state":
+        raise RenderingError(f"{folder.path} is a run on pictures, which replay does not show yet.")
+    environment = RecordingEnvironment(task, threads=os.cpu_count() or 1)
     held_out_episodes(folder, newest_policy(folder), count, mean=mean, environment=environment)
-    return recording.episodes
+    return environment.episodes
