@@ -15,6 +15,7 @@ import pytest
 from taskschema.config import RunConfig
 from taskschema_learner.default_config import default_config
 from taskschema_learner.experiment.cell import Cell, CellResult
+from taskschema_learner.experiment.experiment import without_places
 from taskschema_learner.experiment.measurement import CURVE_ROWS, thinned_curve
 from taskschema_learner.experiment.plan import Plan, next_cell
 from taskschema_learner.experiment.report import report
@@ -134,6 +135,11 @@ def test_the_page_says_medians_ratios_and_verdicts_as_computed_by_hand():
     assert "| toy | oracle | 2,000 | 4,000 | 800 so far | 3,000 | 0.5 |" in page
     assert "| toy | (reach, reach), (raise, raise) | 3 of 3 | 2 | 1 | 0 |" in page
     assert "| toy | state | 0 | not solved | 30,000 | 30,000 | 1.0 | 2% | - | - |" in page
+
+
+def test_the_recorded_command_names_no_folder_of_this_machine():
+    typed = "taskschema experiment paper-sim --tasks toy --runs-dir /somewhere/else --out=here --workers 0"
+    assert without_places(typed) == "taskschema experiment paper-sim --tasks toy --workers 0"
 
 
 def command(place, *arguments):
