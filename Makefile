@@ -28,10 +28,11 @@ env:             ## write .env, the settings of docker compose, with new secrets
 	@test ! -e .env || { echo ".env is there already: edit it, or move it away." >&2; exit 1; }
 	umask 077 && deploy/docker/new-env.sh > .env
 
-check: $(STAMP)  ## lint, formatting and types
+check: $(STAMP)  ## lint, formatting, types, known vulnerabilities
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
+	$(BIN)/python .ci/audit.py
 
 bench: $(STAMP)  ## measure the speed and print it beside its targets
 	$(BIN)/python -m bench

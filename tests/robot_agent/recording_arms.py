@@ -50,6 +50,7 @@ class RecordingArm:
         self.connected = True
         self.gripper_acknowledged = True
         self.acknowledges = True
+        self.stuck = False
         self.refuses: Exception | None = None
 
     def connect(self) -> None:
@@ -87,7 +88,8 @@ class RecordingArm:
 
     def set_gripper(self, opening: float) -> None:
         self.gripper_acknowledged = self.acknowledges
-        self.opening = opening
+        if not self.stuck:
+            self.opening = opening
 
     def calibrate_gripper(self) -> None:
         pass

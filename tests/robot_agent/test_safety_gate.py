@@ -174,6 +174,14 @@ def test_a_gripper_that_does_not_acknowledge():
         bench.gate.execute(grasp_of_the_bar())
 
 
+@pytest.mark.parametrize("arm", [0, 1])
+def test_a_gripper_that_sticks_open(arm):
+    bench = TestBench()
+    bench.arms[arm].stuck = True
+    with pytest.raises(FaultError, match="gripper has not done what it was told"):
+        bench.gate.execute(grasp_of_the_bar())
+
+
 def test_a_stall_slows_the_motion_and_a_long_one_stops_it():
     bench, motion = TestBench(), straight(HOME, swing())
     bench.clock.after(0.2, lambda: bench.clock.sleep_until(bench.clock.time + 0.05))

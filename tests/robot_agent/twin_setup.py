@@ -3,56 +3,30 @@
 import asyncio
 import threading
 from collections.abc import Coroutine
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from taskschema.kinematics.sawyer import rethink_gripper
-from taskschema.tasks.lateral_lifting import LateralLifting
-from taskschema.tasks.scene_task import SceneTask
 from taskschema_robot.clock import Clock
 from taskschema_robot.drivers.rosbridge import RosbridgeAddress, RosbridgeArm
+from taskschema_robot.objects.catalogue import HEAVY_BAR
+from taskschema_robot.objects.robot_object import RobotObject
 from taskschema_robot.twin.client import TwinClient
 from taskschema_robot.twin.lock_step import LockStepClock
-from taskschema_robot.twin.service import TwinScene, TwinService
-from taskschema_robot.twin.twin import Twin, TwinOptions
+from taskschema_robot.twin.service import TwinService
+from taskschema_robot.twin.twin import FINGER_MOUNT, Twin, TwinOptions
 
-MOUNT = rethink_gripper().closed
-TASK = LateralLifting()
 EPOCH = 1_800_000_000.0
-
-
-@dataclass(frozen=True)
-class Tag:
-    number: int
-    size: float
-    position: tuple[float, float, float]
-    x_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
-    y_axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
-
-
-TABLE_TAGS = tuple(
-    Tag(40 + index, 0.08, (x, y, 0.0))
-    for index, (x, y) in enumerate((x, y) for x in (-0.46, 0.46) for y in (-0.3, 0.0, 0.3))
-)
-BAR_TAGS = (Tag(4, 0.06, (-0.4, 0.0, 0.025)), Tag(5, 0.06, (0.4, 0.0, 0.025)))
-
-
-def bar_scene(task: SceneTask = TASK) -> TwinScene:
-    pose = task.draw_instance(np.random.default_rng(0)).pose
-    markers = {"world": TABLE_TAGS, "object": BAR_TAGS}
-    return TwinScene(task.name, task.object_mjcf, pose, markers, MOUNT)
 
 
 class RunningTwin:
     """A twin in its own thread and event loop: clients reach it through real sockets."""
 
-    def __init__(self, options: TwinOptions, scene: TwinScene | None = None) -> None:
+    def __init__(self, options: TwinOptions, robot_object: RobotObject = HEAVY_BAR) -> None:
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="twin", daemon=True)
         self._thread.start()
-        self.service = TwinService(scene or bar_scene(), options)
+        self.service = TwinService(robot_object, options)
         self.run(self.service.start())
 
     def run(self, work: Coroutine[Any, Any, Any]) -> Any:
@@ -79,7 +53,9 @@ class RunningTwin:
 def arm_of(running: RunningTwin, arm: int, clock: Clock) -> RosbridgeArm:
     """A driver, not connected yet."""
     pings = 0.5 if running.twin.options.real_time else None
-    driver = RosbridgeArm(("left", "right")[arm], RosbridgeAddress(running.url(arm), MOUNT, pings), clock)
+    driver = RosbridgeArm(
+        ("left", "right")[arm], RosbridgeAddress(running.url(arm), FINGER_MOUNT, pings), clock
+    )
     if isinstance(clock, LockStepClock):
         clock.watch(lambda: driver.connection)
     return driver
@@ -88,8 +64,9 @@ def arm_of(running: RunningTwin, arm: int, clock: Clock) -> RosbridgeArm:
 class LockStep:
     """A twin in lock-step with both arms connected, enabled and calibrated."""
 
-    def __init__(self, scene: TwinScene | None = None) -> None:
-        self.running = RunningTwin(TwinOptions(real_time=False, calibrated=True, epoch=EPOCH), scene)
+    def __init__(self, robot_object: RobotObject = HEAVY_BAR) -> None:
+        options = TwinOptions(real_time=False, calibrated=True, epoch=EPOCH)
+        self.running = RunningTwin(options, robot_object)
         self.client = TwinClient(self.running.control_url)
         self.clock = LockStepClock(self.client)
         self.arms = tuple(arm_of(self.running, arm, self.clock) for arm in (0, 1))

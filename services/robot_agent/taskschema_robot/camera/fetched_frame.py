@@ -7,7 +7,7 @@ from taskschema_robot.camera.camera import Frame, Image
 
 
 class FetchedFrame(Frame):
-    """A `Frame` that fetches its image when that is first looked at: most frames are only asked for their age.
+    """A `Frame` that fetches its image when that is first looked at: most are only asked for their age.
 
     Args:
         time: see `Frame`.

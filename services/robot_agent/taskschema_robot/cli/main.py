@@ -6,8 +6,9 @@ from typing import Annotated
 import typer
 
 from taskschema import __version__
+from taskschema.bus.url import hide_password
 from taskschema.errors import TaskschemaError
-from taskschema_robot.cli import fault, run, twin
+from taskschema_robot.cli import calibrate, check, fault, run, twin
 
 app = typer.Typer(
     help="Drive two Sawyer arms: run episodes with the current policy, on the robots or on their twin.",
@@ -17,7 +18,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for module in (twin, fault, run):
+for module in (twin, fault, check, calibrate, run):
     module.register(app)
 
 
@@ -32,6 +33,7 @@ def _options(
 
 def main() -> None:
     """Run the command; an error that the user can mend is one line on stderr and exit status 1."""
+    hide_password()
     arguments = sys.argv[1:]
     debug = "--debug" in arguments
     try:

@@ -4,12 +4,9 @@ import signal
 import threading
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-
-if TYPE_CHECKING:
-    from taskschema_robot.agent.operator import Operator
 
 
 def register(app: typer.Typer) -> None:
@@ -22,20 +19,34 @@ def run(
     item: Annotated[str, typer.Option("--object", metavar="OBJECT", help="What stands on the table.")],
     redis: Annotated[
         str | None,
-        typer.Option(
-            metavar="URL", envvar="TASKSCHEMA_REDIS_URL", help="The run's Redis, if it is not here."
-        ),
+        typer.Option(metavar="URL", envvar="TASKSCHEMA_REDIS_URL", help="The run's Redis, if not in RUN."),
     ] = None,
     twin: Annotated[
         str | None, typer.Option(metavar="URL", help="A twin's control address, as `twin` prints it.")
     ] = None,
     left: Annotated[str | None, typer.Option(metavar="URL", help="Left robot's rosbridge.")] = None,
     right: Annotated[str | None, typer.Option(metavar="URL", help="Right robot's rosbridge.")] = None,
+    camera: Annotated[
+        str | None, typer.Option(metavar="SOURCE", help="Overhead camera: number or URL.")
+    ] = None,
+    lens: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Its lens, from `calibrate --lens`.")
+    ] = None,
+    see: Annotated[
+        str, typer.Option(metavar="camera|truth", help="truth: the twin's own word instead of markers.")
+    ] = "camera",
     folder: Annotated[Path, typer.Option(help="Where the agent keeps its own log.")] = Path("robot-agent"),
     speed_ratio: Annotated[
         float, typer.Option(min=0.01, max=1.0, help="Share of the arms' speed: 0.1 at first.")
     ] = 0.1,
     rate: Annotated[int, typer.Option(min=50, max=100, help="Set-points a second.")] = 100,
+    stop_port: Annotated[int, typer.Option(help="POST /stop on this port of this machine stops.")] = 8421,
+    hold_to_run: Annotated[
+        bool, typer.Option("--hold-to-run", help="Arms move only while a key is held: commissioning.")
+    ] = False,
+    preview: Annotated[
+        bool, typer.Option("--preview", help="Show every plan and ask before it is made: commissioning.")
+    ] = False,
     unattended: Annotated[
         bool, typer.Option("--unattended", help="Ask nobody: a twin's object puts itself back.")
     ] = False,
@@ -45,13 +56,17 @@ def run(
     Start the run with `taskschema train TASK --agent robot`. With --twin, both arms are simulated. A stop
     that this software offers is not safety rated: keep the emergency stop buttons within reach.
     """
-    from taskschema.errors import ConfigError
+    from taskschema.errors import ConfigError, UnknownNameError
     from taskschema_robot.cli.serving import Serving, serve
 
     if (twin is None) == (left is None or right is None):
         raise ConfigError("Say which arms: --twin URL, or --left URL and --right URL, one of both.")
-    if unattended and twin is None:
-        raise ConfigError("Only a twin runs unattended: leave --unattended out.")
+    if twin is None and (unattended or see == "truth"):
+        raise ConfigError("Only a twin runs unattended or tells the truth: leave these options out.")
+    if see not in ("camera", "truth"):
+        raise UnknownNameError("way to see", see, ("camera", "truth"))
+    if unattended and (preview or hold_to_run):
+        raise ConfigError("--preview and --hold-to-run need a person: leave --unattended out.")
     stop = threading.Event()
 
     def request(number: int, frame: FrameType | None) -> None:
@@ -61,12 +76,22 @@ def run(
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, request)
-    serve(
-        Serving(name, item, redis, twin, left, right, folder, speed_ratio, rate), _operator(unattended), stop
+    serving = Serving(
+        run=name,
+        item=item,
+        redis=redis,
+        twin=twin,
+        left=left,
+        right=right,
+        camera=camera,
+        lens=lens,
+        see_truth=see == "truth",
+        folder=folder,
+        speed_ratio=speed_ratio,
+        rate=rate,
+        stop_port=stop_port,
+        hold_to_run=hold_to_run,
+        preview=preview,
+        unattended=unattended,
     )
-
-
-def _operator(unattended: bool) -> "Operator":
-    from taskschema_robot.agent.operator import Unattended
-
-    return Unattended()
+    serve(serving, stop)

@@ -1,4 +1,4 @@
-"""The composition root of the agent: connects arms, gate, world and run, and serves until it is over."""
+"""The composition root of the agent: connects arms, gate, eyes, person and run, and serves to its end."""
 
 import logging
 import re
@@ -17,40 +17,49 @@ from taskschema.errors import ConfigError
 from taskschema.tasks.registry import task_of
 from taskschema.tasks.scene_task import SceneTask
 from taskschema_robot.agent.episode import EpisodeRunner
-from taskschema_robot.agent.operator import Operator
 from taskschema_robot.agent.robot_agent import LEASE_SECONDS, RobotAgent
+from taskschema_robot.agent.stop_endpoint import StopEndpoint
 from taskschema_robot.agent.twin_world import TrueWorld
-from taskschema_robot.cli.arms import robot_hardware, twin_hardware
+from taskschema_robot.agent.world import World
+from taskschema_robot.cli.arms import Hardware, robot_hardware, twin_hardware
+from taskschema_robot.cli.eyes import open_eyes
+from taskschema_robot.cli.person import Person, person_at_terminal, unattended_person
 from taskschema_robot.objects.catalogue import get_object
+from taskschema_robot.objects.robot_object import RobotObject
+from taskschema_robot.reward.camera_world import CameraWorld
+from taskschema_robot.reward.tracker import ObjectTracker
 from taskschema_robot.safety.gate import SafetyGate
 from taskschema_robot.safety.limits import SafetyLimits
+from taskschema_robot.safety.monitors import CameraMonitor, LinkMonitor
+from taskschema_robot.safety.watchdog import Monitor
 
-log = logging.getLogger("taskschema.robot")
+LINK_PATIENCE = 1.0
+"""How long the watchdog's own connection to Redis tries again [s]."""
 
 
 @dataclass(frozen=True)
 class Serving:
-    """What `taskschema-robot run` was asked to do."""
+    """What `taskschema-robot run` was asked to do; see its options."""
 
     run: str
-    """Name of the run, or its folder on this machine."""
     item: str
-    """Name of the object."""
     redis: str | None
-    """URL; None: the one embedded in the run's folder."""
     twin: str | None
-    """URL of a twin's control server; None: robots."""
     left: str | None
     right: str | None
-    """URLs of the robots' rosbridges."""
+    camera: str | None
+    lens: Path | None
+    see_truth: bool
     folder: Path
-    """Of the agent's own log, one folder a run below it."""
     speed_ratio: float
     rate: int
-    """Set-points a second."""
+    stop_port: int
+    hold_to_run: bool
+    preview: bool
+    unattended: bool
 
 
-def serve(options: Serving, operator: Operator, stop: threading.Event) -> None:
+def serve(options: Serving, stop: threading.Event) -> None:
     """Serve until told to stop, or the run is over.
 
     Raises:
@@ -58,32 +67,65 @@ def serve(options: Serving, operator: Operator, stop: threading.Event) -> None:
     """
     run = Path(options.run).name
     url = options.redis or embedded_redis_url(Path(options.run))
-    item, limits = (
-        get_object(options.item),
-        SafetyLimits(speed_ratio=options.speed_ratio, period=1.0 / options.rate),
-    )
+    item, folder = get_object(options.item), options.folder / run
+    limits = SafetyLimits(speed_ratio=options.speed_ratio, period=1.0 / options.rate)
+    _log_to(folder)
     with ExitStack() as stack:
         records = RunRecords(connect(url))
         task = task_of(records.config(run))
         if not isinstance(task, SceneTask) or task.family != item.family:
             raise ConfigError(f"Run {run!r} is about {task.family}, {item.name} is for {item.family}.")
-        if options.twin is not None:
-            hardware = twin_hardware(stack, options.twin)
-        else:
-            assert options.left is not None
-            assert options.right is not None
-            hardware = robot_hardware(stack, options.left, options.right)
-        gate = SafetyGate(hardware.drivers, hardware.clock, limits)
+        hardware = _hardware(stack, options)
+        link = LinkMonitor(RunRecords(connect(url, patience=LINK_PATIENCE)), run, limits.link_age)
+        monitors: list[Monitor] = [stack.enter_context(link)]
+        person = (
+            unattended_person()
+            if options.unattended
+            else person_at_terminal(folder, stop, hold_to_run=options.hold_to_run, preview=options.preview)
+        )
+        monitors += person.monitors
+        world = _world(stack, options, hardware, task, item, person, monitors)
+        gate = SafetyGate(hardware.drivers, hardware.clock, limits, monitors)
+        person.on_stop(gate.stop)
+        stack.enter_context(person.listening())
+        if not options.unattended:
+            stack.enter_context(StopEndpoint(gate.stop, options.stop_port))
         gate.prepare()
-        if hardware.twin is None:
-            raise ConfigError("Training on states needs a twin: on robots, states are not to be had.")
-        world = TrueWorld(hardware.twin, task, item, hardware.clock)
-        runner = EpisodeRunner(task, np.array(item.size), gate, world, hardware.clock, limits)
+        runner = EpisodeRunner(task, np.array(item.size), gate, world, hardware.clock, limits, person.preview)
         agent_id = f"robot-{socket.gethostname()}"
         bus = WorkerBus(connect(url), run, agent_id, kind="robot", lease_seconds=LEASE_SECONDS)
         stack.enter_context(bus)
-        folder = options.folder / run
-        RobotAgent(bus, records, run, task, runner, gate, operator, folder).run(stop)
+        RobotAgent(bus, records, run, task, runner, gate, person.operator, folder).run(stop)
+
+
+def _hardware(stack: ExitStack, options: Serving) -> Hardware:
+    if options.twin is not None:
+        return twin_hardware(stack, options.twin)
+    if options.left is None or options.right is None:
+        raise ConfigError("Name both robots: --left URL and --right URL.")
+    return robot_hardware(stack, options.left, options.right)
+
+
+def _world(
+    stack: ExitStack,
+    options: Serving,
+    hardware: Hardware,
+    task: SceneTask,
+    item: RobotObject,
+    person: Person,
+    monitors: list[Monitor],
+) -> World:
+    """Return what sees the object; a camera is watched, too."""
+    if options.see_truth:
+        if hardware.twin is None:
+            raise ConfigError("Only a twin tells the truth: leave --see truth out.")
+        return TrueWorld(hardware.twin, task, item, hardware.clock)
+    eyes = open_eyes(stack, hardware, options.camera, options.lens)
+    monitors.append(CameraMonitor(eyes.camera, SafetyLimits().camera_age))
+    tracker = ObjectTracker(item, eyes.intrinsics)
+    evidence = options.folder / Path(options.run).name / "evidence"
+    resets = person.resets(hardware.twin)
+    return CameraWorld(eyes.camera, tracker, task, item, resets, hardware.clock, evidence)
 
 
 def embedded_redis_url(folder: Path) -> str:
@@ -102,3 +144,14 @@ def embedded_redis_url(folder: Path) -> str:
     if port is None or password is None:
         raise ConfigError(f"{path} names no port and password: name the run's Redis with --redis URL.")
     return f"redis://:{password[1]}@127.0.0.1:{port[1]}"
+
+
+def _log_to(folder: Path) -> None:
+    """Write everything that the agent's parts have to say to `agent.log` in its folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    logging.basicConfig(
+        filename=folder / "agent.log",
+        level=logging.INFO,
+        format="%(asctime)s %(name)s %(levelname)s %(message)s",
+    )
+    logging.getLogger("websockets").setLevel(logging.WARNING)

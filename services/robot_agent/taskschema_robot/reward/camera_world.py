@@ -1,5 +1,6 @@
 """The object as the overhead camera sees it, put back by a person."""
 
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -11,7 +12,7 @@ from taskschema_robot.agent.world import EpisodeDroppedError
 from taskschema_robot.camera.camera import Camera
 from taskschema_robot.clock import Clock
 from taskschema_robot.objects.robot_object import RobotObject
-from taskschema_robot.reward.judge import FRAMES, Judgement, Outcome, judge, median_pose
+from taskschema_robot.reward.judge import FRAMES, Judgement, Outcome, judge, keep_evidence, median_pose
 from taskschema_robot.reward.tracker import ObjectTracker, Sighting
 
 FRAME_SECONDS = 0.04
@@ -21,6 +22,8 @@ PATIENCE = 3.0
 NEAR = 0.03
 """How near to the wanted place a person has to put the object [m]."""
 MOST_REQUESTS = 5
+KEPT = 10_000
+"""Evidence pictures kept; the oldest go."""
 
 
 class ResetPerson(Protocol):
@@ -45,6 +48,7 @@ class CameraWorld:
         item: the object.
         person: who puts it back.
         clock: the agent's.
+        evidence: folder of the pictures that outcomes were judged by.
 
     """
 
@@ -56,10 +60,12 @@ class CameraWorld:
         item: RobotObject,
         person: ResetPerson,
         clock: Clock,
+        evidence: Path,
     ) -> None:
         self._camera, self._tracker, self._task = camera, tracker, task
         self._item, self._person, self._clock = item, person, clock
         self._last_number = -1
+        self._evidence, self._judged = evidence, 0
 
     def reset(self, instance: ObjectInstance) -> FloatArray:
         """Ask for the object until it is seen where it should be; see `World`."""
@@ -82,7 +88,10 @@ class CameraWorld:
 
     def judge(self, start: FloatArray) -> Judgement:
         """Judge new frames; see `World`."""
-        return judge(self._task, start, self.look())
+        judgement = judge(self._task, start, self.look())
+        keep_evidence(judgement, self._evidence / f"{self._judged % KEPT:05d}-{judgement.outcome}.png")
+        self._judged += 1
+        return judgement
 
     def last_look(self, start: FloatArray) -> Judgement:
         """Judge with the hands withdrawn, and ask a person what is still unknown; see `World`."""

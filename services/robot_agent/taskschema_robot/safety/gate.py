@@ -20,7 +20,7 @@ from taskschema_robot.safety.motion import Motion
 from taskschema_robot.safety.plan_checks import check_plan
 from taskschema_robot.safety.refusal import Refusal
 from taskschema_robot.safety.sweep import Sweep
-from taskschema_robot.safety.watchdog import Monitor, watch_monitors, watch_states, watch_tracking
+from taskschema_robot.safety.watchdog import Monitor, obeyed, watch_monitors, watch_states, watch_tracking
 
 log = logging.getLogger("taskschema.robot.safety")
 
@@ -59,6 +59,7 @@ class SafetyGate:
         self._lock = threading.Lock()
         self._fault: Fault | None = None
         self._openings: list[float | None] = [None, None]
+        self._opened_before = [0.0, 0.0]
         self._held_at: FloatArray | None = None
         self._watched = limits
 
@@ -98,6 +99,17 @@ class SafetyGate:
     def stop(self, reason: str) -> None:
         """Stop both arms and latch it; see `GatedArms`."""
         self._latch(Fault(FaultKind.REQUESTED, reason, self._clock.now()))
+
+    def connect(self) -> None:
+        """Connect what is not connected; nothing is switched on.
+
+        Raises:
+            NotConnectedError: if an arm is away.
+
+        """
+        for driver in self._drivers:
+            if not driver.connected:
+                driver.connect()
 
     def prepare(self) -> None:
         """Connect what is not connected, enable the arms and calibrate grippers: the fingers move.
@@ -203,9 +215,11 @@ class SafetyGate:
             recent.append(goal)
 
     def _waiting_gripper(self, states: Sequence[ArmState]) -> str | None:
-        """Return whose gripper has not acknowledged its command, or still moves."""
-        for driver, state in zip(self._drivers, states, strict=True):
-            if not driver.gripper_acknowledged or state.gripper.moving:
+        """Return whose gripper has not acknowledged its command, still moves, or did not obey."""
+        orders = zip(self._drivers, states, self._openings, self._opened_before, strict=True)
+        for driver, state, opening, before in orders:
+            moving = not driver.gripper_acknowledged or state.gripper.moving
+            if moving or not obeyed(state.gripper, opening, before):
                 return driver.name
         return None
 
@@ -249,7 +263,7 @@ class SafetyGate:
                 driver.set_gripper(opening)
             except RobotError as error:
                 self._fail(FaultKind.COMMAND, f"the {driver.name} gripper did not take a command: {error}")
-            self._openings[arm] = opening
+            self._openings[arm], self._opened_before[arm] = opening, driver.state().gripper.opening
 
     def _fail(self, kind: FaultKind, reason: str) -> NoReturn:
         self._latch(Fault(kind, reason, self._clock.now()))

@@ -6,10 +6,16 @@ from typing import Protocol
 import numpy as np
 
 from taskschema.arrays import FloatArray
+from taskschema.kinematics.sawyer import rethink_gripper
 from taskschema.skills.pairs import ARMS
-from taskschema_robot.drivers.driver import ArmState
+from taskschema_robot.drivers.driver import ArmState, GripperState
 from taskschema_robot.safety.fault import Fault, FaultKind
 from taskschema_robot.safety.limits import SafetyLimits
+
+OPEN_TRAVEL = 0.02
+"""Of a gripper that was told to open [m]: half of what an electric gripper can do."""
+LEAST_TRAVEL = 0.001
+"""Of fingers that close on something [m]: nothing is as wide as the open gripper."""
 
 
 class Monitor(Protocol):
@@ -72,6 +78,23 @@ def watch_tracking(
     arm, joint = np.unravel_index(error.argmax(), error.shape)
     reason = f"{ARMS[arm]} arm: joint {joint} is {error.max():.2f} rad from where it was sent"
     return Fault(FaultKind.TRACKING, reason, now)
+
+
+def obeyed(gripper: GripperState, opening: float | None, before: float) -> bool:
+    """Return whether a gripper at rest is where it was sent: closed, on an object, or clearly open.
+
+    Args:
+        gripper: what it says of itself; fingers that are stuck look to it as if they held something.
+        opening: that it was sent to [m]; None: it was sent nowhere.
+        before: its opening when it was sent there [m].
+    """
+    if opening is None:
+        return True
+    model = rethink_gripper()
+    middle = 0.5 * (model.closed + model.open)
+    if opening < middle:
+        return gripper.opening < middle or (gripper.gripping and before - gripper.opening > LEAST_TRAVEL)
+    return gripper.opening > model.closed + OPEN_TRAVEL
 
 
 def watch_monitors(monitors: Sequence[Monitor], now: float) -> Fault | None:

@@ -1,5 +1,6 @@
 """The agent's side of a twin: its control server, its camera, and its clock in lock-step."""
 
+import contextlib
 import threading
 from typing import TypeVar
 
@@ -34,9 +35,10 @@ class TwinClient:
         self.url = url
         self._decoder: msgspec.json.Decoder[messages.Answer] = msgspec.json.Decoder(messages.Answer)
         self._lock = threading.Lock()
+        self._open = contextlib.ExitStack()
         try:
-            self._connection: ClientConnection = connect(
-                url, compression=None, ping_interval=None, max_size=LARGEST_ANSWER, proxy=None
+            self._connection: ClientConnection = self._open.enter_context(
+                connect(url, compression=None, ping_interval=None, max_size=LARGEST_ANSWER, proxy=None)
             )
         except (OSError, TimeoutError, WebSocketException) as error:
             raise TwinError(f"No twin at {url} ({error}): start one with `taskschema-robot twin`.") from None
@@ -80,7 +82,7 @@ class TwinClient:
 
     def close(self) -> None:
         """End the connection; the twin goes on."""
-        self._connection.close()
+        self._open.close()
 
     def _ask(self, request: messages.Request, kind: type[Expected]) -> Expected:
         with self._lock:

@@ -37,8 +37,8 @@ class TwinRobot:
         """Whether the fingers stay where they are: a fault that can be set."""
         graph = RosGraph()
         self.control = JointControl(world.arms[arm].kinematics, world.positions(arm))
-        self.node = SawyerNode(graph, self.control, self.clock)
-        self.bridge = Bridge(graph, self.clock, link_delay)
+        self.node = SawyerNode(graph, self.control, now, self.clock)
+        self.bridge = Bridge(graph, now, link_delay, stamp=self.clock)
         self.server = BridgeServer(self.bridge, port)
         self._held_travel: float | None = None
 

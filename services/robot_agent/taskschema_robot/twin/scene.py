@@ -1,8 +1,6 @@
 """The twin's scene: the one that the policy was trained in, with what a camera sees and a fault needs."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
-from typing import Protocol
 
 import cv2
 import mujoco
@@ -11,6 +9,8 @@ import numpy as np
 from taskschema.kinematics.rotation import matrix_to_quaternion
 from taskschema.scene import TABLE, compose_scene
 from taskschema_robot.camera.camera import Intrinsics
+from taskschema_robot.objects.marker import DICTIONARY, Marker, table_markers
+from taskschema_robot.objects.robot_object import RobotObject
 from taskschema_robot.twin.world import OBSTACLE, TIMESTEP
 
 CAMERA = "overhead"
@@ -20,7 +20,6 @@ VIEW = 1.1
 """Width and height of the table that the picture shows [m]."""
 PICTURE = 1080
 """Width and height of the picture [pixels]."""
-DICTIONARY = cv2.aruco.DICT_4X4_50
 MARKER_CELLS = 6
 """Along the black square's edge; a white cell surrounds it."""
 CELL_PIXELS = 16
@@ -30,26 +29,9 @@ OBSTACLE_SHAPE = (0.045, 0.25)
 """Radius and half height of the bar that stands for a person's arm [m]."""
 
 
-class PrintedMarker(Protocol):
-    """Where a printed marker sits; on its face x points to the right of the picture and y to its top."""
-
-    number: int
-    size: float
-    position: tuple[float, float, float]
-    x_axis: tuple[float, float, float]
-    y_axis: tuple[float, float, float]
-
-
-def twin_model(name: str, object_mjcf: str, markers: dict[str, Sequence[PrintedMarker]]) -> mujoco.MjModel:
-    """Compile the twin's world.
-
-    Args:
-        name: of the model.
-        object_mjcf: see `taskschema.tasks.scene_task.SceneTask.object_mjcf`.
-        markers: by the name of the body they are glued to; `world` is the table.
-
-    """
-    root = compose_scene(name, object_mjcf)
+def twin_model(robot_object: RobotObject) -> mujoco.MjModel:
+    """Compile the twin's world: both arms, the object, printed markers on it and on the table, a camera."""
+    root = compose_scene(robot_object.name, robot_object.mjcf)
     compiler, option = root.find("compiler"), root.find("option")
     if compiler is None or option is None:
         raise ValueError("the scene has no compiler or option element")
@@ -57,12 +39,12 @@ def twin_model(name: str, object_mjcf: str, markers: dict[str, Sequence[PrintedM
     option.set("timestep", f"{TIMESTEP:g}")
     world, asset = (next(root.iter(tag)) for tag in ("worldbody", "asset"))
     root.append(_visual())
-    for element in _surroundings():
-        world.append(element)
+    world.extend(_surroundings())
     bodies = {body.get("name", ""): body for body in root.iter("body")} | {"world": world}
+    placed = {"world": table_markers(), "object": robot_object.markers, "turning": robot_object.joint_markers}
     assets: dict[str, bytes] = {}
-    for body, placed in markers.items():
-        for marker in placed:
+    for body, markers in placed.items():
+        for marker in markers:
             label = f"marker_{marker.number}"
             assets[f"{label}.png"] = marker_picture(marker.number)
             asset.append(ET.Element("texture", {"name": label, "type": "2d", "file": f"{label}.png"}))
@@ -73,7 +55,7 @@ def twin_model(name: str, object_mjcf: str, markers: dict[str, Sequence[PrintedM
 
 def marker_picture(number: int) -> bytes:
     """Return a marker as a PNG, its white border included."""
-    dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARY)
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, DICTIONARY))
     square = cv2.aruco.generateImageMarker(dictionary, number, MARKER_CELLS * CELL_PIXELS)
     bordered = cv2.copyMakeBorder(square, *[CELL_PIXELS] * 4, cv2.BORDER_CONSTANT, value=255)
     return bytes(cv2.imencode(".png", cv2.cvtColor(bordered, cv2.COLOR_GRAY2BGR))[1])
@@ -87,7 +69,7 @@ def intrinsics(size: int = PICTURE) -> Intrinsics:
     return Intrinsics(matrix, np.zeros(5))
 
 
-def _plate(label: str, marker: PrintedMarker) -> ET.Element:
+def _plate(label: str, marker: Marker) -> ET.Element:
     x, y = np.asarray(marker.x_axis), np.asarray(marker.y_axis)
     quaternion = matrix_to_quaternion(np.stack([x, y, np.cross(x, y)], axis=1))
     half = 0.5 * marker.size * (MARKER_CELLS + 2) / MARKER_CELLS

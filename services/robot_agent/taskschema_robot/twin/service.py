@@ -2,49 +2,48 @@
 
 import asyncio
 import contextlib
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+
+import numpy as np
 
 from taskschema.arrays import FloatArray
 from taskschema.tasks.lateral_lifting import LateralLifting
+from taskschema_robot.objects.robot_object import RobotObject
 from taskschema_robot.twin.control_server import ControlServer
-from taskschema_robot.twin.scene import PrintedMarker, twin_model
+from taskschema_robot.twin.scene import twin_model
 from taskschema_robot.twin.twin import Twin, TwinOptions
 from taskschema_robot.twin.world import World
 
 
-@dataclass(frozen=True)
-class TwinScene:
-    """What stands on the twin's table."""
+def pose_on_table(robot_object: RobotObject, x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> FloatArray:
+    """Return the pose [7 + h] of an object that stands on the table, ready for an episode.
 
-    name: str
-    """Of the object."""
-    object_mjcf: str
-    """See `taskschema.tasks.scene_task.SceneTask.object_mjcf`."""
-    pose: FloatArray
-    """[7 + h] of the object at the start: position [m], quaternion w x y z, joints."""
-    markers: dict[str, Sequence[PrintedMarker]] = field(default_factory=dict)
-    """By the body that they are glued to; `world` is the table."""
-    finger_mount: float | None = None
-    """Opening between the pads when the fingers' travel is 0 [m]; None: as far closed as the model goes."""
+    Args:
+        robot_object: which one.
+        x: of its centre [m].
+        y: of its centre [m].
+        yaw: how far it is turned from its usual angle [rad].
+
+    """
+    half = 0.5 * (robot_object.yaw + yaw)
+    joints = [0.0] if robot_object.joint_parts else []
+    return np.array([x, y, 0.5 * robot_object.size[2], np.cos(half), 0.0, 0.0, np.sin(half), *joints])
 
 
 class TwinService:
     """Makes a twin and lets clients reach it; start and stop it in one event loop.
 
     Args:
-        scene: what stands on the table.
+        robot_object: what stands on the table, in its middle at first.
         options: how it runs.
         control_port: of the control server; 0: a free one.
 
     """
 
-    def __init__(self, scene: TwinScene, options: TwinOptions, control_port: int = 0) -> None:
-        model = twin_model(scene.name, scene.object_mjcf, scene.markers)
+    def __init__(self, robot_object: RobotObject, options: TwinOptions, control_port: int = 0) -> None:
         # Hands start where every task's episodes start: beside the object, well above the table.
-        world = World(model, LateralLifting().home_joints, scene.finger_mount)
-        world.place_object(scene.pose)
-        self.twin = Twin(scene.name, world, options)
+        world = World(twin_model(robot_object), LateralLifting().home_joints, options.finger_mount)
+        world.place_object(pose_on_table(robot_object))
+        self.twin = Twin(robot_object.name, world, options)
         self.control = ControlServer(self.twin, control_port)
         self._running: asyncio.Task[None] | None = None
 

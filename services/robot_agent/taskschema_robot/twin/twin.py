@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from taskschema.kinematics.sawyer import rethink_gripper
 from taskschema.skills.pairs import ARMS
 from taskschema_robot.twin.faults import FaultKind
 from taskschema_robot.twin.picture import Exposure, PictureTaker
@@ -17,6 +18,8 @@ PERIOD = STEPS_PER_STATE * TIMESTEP
 """Of the joint states [s]: 100 Hz, the Sawyer's default."""
 OBSTACLE_POSITION = (0.0, -0.05, 0.25)
 """Where a person would reach in, between the hands [m]."""
+FINGER_MOUNT = rethink_gripper().closed
+"""[m] the fingers' narrowest place: the opening then goes to 56 mm, less than the 79 mm of the simulation."""
 LONGEST_LAG = 0.5
 """[s] by which a world in real time may fall behind before it gives the time up as lost."""
 
@@ -29,6 +32,8 @@ class TwinOptions:
     """Whether its clock is the machine's; otherwise it stands still until a client asks for time."""
     ports: tuple[int, int] = (0, 0)
     """Of the robots' bridges, left arm first; 0: a free one."""
+    finger_mount: float = FINGER_MOUNT
+    """Opening between the pads with the grippers fully closed [m]: as their fingers are screwed on."""
     calibrated: bool = False
     """Whether the grippers need no calibration: for tests of something else."""
     epoch: float = field(default_factory=time.time)
@@ -47,6 +52,7 @@ class Twin:
         """Of its object."""
         self.options = options
         self.world = world
+        self._ticks = 0
         delay = REAL_LINK_DELAY if options.real_time else 0.0
         self.robots = tuple(
             TwinRobot(world, arm, self.now, port, delay) for arm, port in enumerate(options.ports)
@@ -54,7 +60,6 @@ class Twin:
         for robot in self.robots:
             robot.node.gripper.calibrated = options.calibrated
         self.camera = PictureTaker(world.model)
-        self._ticks = 0
 
     def now(self) -> float:
         """Return the twin's time [s since the epoch]."""

@@ -4,7 +4,6 @@ import mujoco
 import numpy as np
 
 from taskschema.arrays import AnyArray, FloatArray
-from taskschema.kinematics.rotation import matrix_to_quaternion
 from taskschema.kinematics.sawyer import rethink_gripper, sawyer_pair
 from taskschema.skills.pairs import ARMS
 from taskschema_robot.sawyer_interface import GRIPPER_STROKE, JOINT_NAMES
@@ -75,10 +74,9 @@ class World:
 
     """
 
-    def __init__(self, model: mujoco.MjModel, home: FloatArray, mount: float | None = None) -> None:
+    def __init__(self, model: mujoco.MjModel, home: FloatArray, mount: float) -> None:
         self.model = model
         self.data = mujoco.MjData(model)
-        mount = rethink_gripper().closed if mount is None else mount
         self.arms = tuple(WorldArm(model, arm, mount) for arm in range(len(ARMS)))
         self._object = slice(int(model.joint("object").qposadr[0]), model.nq)
         object_body = model.body("object").id
@@ -136,17 +134,18 @@ class World:
         base = place.kinematics
         tool = np.array(data.site_xpos[place.grip])
         rotation = base.base_rotation.T @ data.site_xmat[place.grip].reshape(3, 3)
+        quaternion = np.empty(4)
+        mujoco.mju_mat2Quat(quaternion, rotation.ravel())
         wrench, contact = self._contacts(place, tool)
-        turned = np.concatenate([base.base_rotation.T @ wrench[:3], base.base_rotation.T @ wrench[3:]])
         return ArmMeasurement(
             positions=np.array(data.qpos[place.positions]),
             velocities=np.array(data.qvel[place.dofs]),
             efforts=np.array(data.qfrc_actuator[place.dofs]),
             tool_position=base.base_rotation.T @ (tool - base.base_position),
-            tool_quaternion=matrix_to_quaternion(rotation),
-            wrench=turned,
+            tool_quaternion=quaternion,
+            wrench=(wrench.reshape(2, 3) @ base.base_rotation).ravel(),
             finger_travel=place.travel(data.qpos),
-            finger_force=float(np.abs(data.actuator_force[place.finger_controls]).mean()),
+            finger_force=float(abs(data.actuator_force[place.finger_controls[0]])),
             contact_force=contact,
         )
 

@@ -38,17 +38,25 @@ class Bridge:
 
     Args:
         graph: the robot's topics and services.
-        now: the robot's clock [s since the epoch].
+        now: a clock that never jumps [s].
         link_delay: how long a new connection between bridge and node takes [s]; genuine ones take 0.2 to 0.3.
+        stamp: the robot's clock, for headers that give no time [s since the epoch]; None: `now`.
         log: takes what rosbridge writes on its console: that is all the trace that most errors leave.
 
     """
 
     def __init__(
-        self, graph: RosGraph, now: Callable[[], float], link_delay: float = 0.2, log: Log | None = None
+        self,
+        graph: RosGraph,
+        now: Callable[[], float],
+        link_delay: float = 0.2,
+        *,
+        stamp: Callable[[], float] | None = None,
+        log: Log | None = None,
     ) -> None:
         self.graph = graph
         self.now = now
+        self.stamp = stamp or now
         self.log: Log = log or (lambda level, message: logger.info("%s: %s", level, message))
         self._link_delay = link_delay
         self._publishers: dict[str, Publisher] = {}

@@ -149,7 +149,7 @@ class BridgeSession:
         topic = _field(message, "topic", str)
         type_name = self._bridge.type_of(topic)
         values = message.get("msg", {})
-        content = read_message(type_name, values, ros_time(self._bridge.now()))
+        content = read_message(type_name, values, ros_time(self._bridge.stamp()))
         self._bridge.publish(self.number, topic, content)
 
     def _subscribe(self, message: Json) -> None:
@@ -219,7 +219,7 @@ class BridgeSession:
             names = [field.name for field in fields_of(service.request_type)]
             arguments = dict(zip(names, arguments, strict=False))
         values = arguments if isinstance(arguments, dict) else {}
-        request = read_message(service.request_type, values, ros_time(self._bridge.now()))
+        request = read_message(service.request_type, values, ros_time(self._bridge.stamp()))
         request = serialise(service.request_type, request)
         try:
             response = await service.handler(request)

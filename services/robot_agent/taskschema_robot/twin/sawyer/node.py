@@ -34,11 +34,14 @@ class SawyerNode:
     Args:
         graph: the robot's topics.
         control: its joints.
-        now: its clock [s since the epoch].
+        now: a clock that never jumps [s].
+        stamp: the robot's clock, for time stamps [s since the epoch].
 
     """
 
-    def __init__(self, graph: RosGraph, control: JointControl, now: Callable[[], float]) -> None:
+    def __init__(
+        self, graph: RosGraph, control: JointControl, now: Callable[[], float], stamp: Callable[[], float]
+    ) -> None:
         self.assembly = Assembly()
         self.control = control
         self.gripper = ElectricGripper()
@@ -47,6 +50,7 @@ class SawyerNode:
         """Whether the joint states stand still although the robot goes on: a fault that can be set."""
         self._graph = graph
         self._now = now
+        self._stamp = stamp
         self._collision_until = float("-inf")
         self._published_state: Message | None = None
         self._published_collision: bool | None = None
@@ -69,8 +73,8 @@ class SawyerNode:
         }
         for topic, listener in commands.items():
             graph.subscribe(topic, interface.TYPES[topic], listener)
-        graph.publish(interface.END_EFFECTOR_CONFIGURATION, self.gripper.node_configuration(now()))
-        graph.publish(interface.GRIPPER_CONFIGURATION, self.gripper.device_configuration(now()))
+        graph.publish(interface.END_EFFECTOR_CONFIGURATION, self.gripper.node_configuration(stamp()))
+        graph.publish(interface.GRIPPER_CONFIGURATION, self.gripper.device_configuration(stamp()))
 
     def advance(self, seconds: float) -> None:
         """Run the joint controller for one physics step."""
@@ -98,8 +102,8 @@ class SawyerNode:
         """Publish what is due; call at 100 Hz."""
         now = self._now()
         if not self.frozen:
-            self._graph.publish(interface.JOINT_STATES, self._joint_states(measured, now))
-            self._graph.publish(interface.ENDPOINT_STATE, _endpoint_state(measured, now))
+            self._graph.publish(interface.JOINT_STATES, self._joint_states(measured))
+            self._graph.publish(interface.ENDPOINT_STATE, _endpoint_state(measured, _header(self._stamp())))
         state = self.assembly.message()
         slow = now >= self._next_state
         if slow:
@@ -109,20 +113,20 @@ class SawyerNode:
             self._graph.publish(interface.ROBOT_STATE, dict(state))
         if slow or self.collision != self._published_collision:
             self._published_collision = self.collision
-            message = {"header": _header(now), "collision_state": self.collision}
+            message = {"header": _header(self._stamp()), "collision_state": self.collision}
             self._graph.publish(interface.COLLISION_STATE, message)
         if self._gripper_changed or now >= self._next_gripper:
             self._gripper_changed = False
             self._next_gripper = now + (MOVING_GRIPPER_PERIOD if self.gripper.moving else GRIPPER_PERIOD)
-            self._graph.publish(interface.GRIPPER_STATE, self.gripper.state(now))
+            self._graph.publish(interface.GRIPPER_STATE, self.gripper.state(self._stamp()))
 
-    def _joint_states(self, measured: ArmMeasurement, now: float) -> Message:
+    def _joint_states(self, measured: ArmMeasurement) -> Message:
         def row(values: Any) -> list[float]:  # noqa: ANN401
             return [0.0, *values.tolist(), 0.0]
 
         head, torso = OTHER_JOINTS
         return {
-            "header": _header(now),
+            "header": _header(self._stamp()),
             "name": [head, *interface.JOINT_NAMES, torso],
             "position": row(measured.positions),
             "velocity": row(measured.velocities),
@@ -158,11 +162,11 @@ class SawyerNode:
             self.control.timeout = min(max(message["data"], 0.0), 1.0)
 
 
-def _header(now: float) -> Message:
-    return {"seq": 0, "stamp": ros_time(now), "frame_id": ""}
+def _header(stamp: float) -> Message:
+    return {"seq": 0, "stamp": ros_time(stamp), "frame_id": ""}
 
 
-def _endpoint_state(measured: ArmMeasurement, now: float) -> Message:
+def _endpoint_state(measured: ArmMeasurement, header: Message) -> Message:
     w, x, y, z = measured.tool_quaternion.tolist()
     force, torque = measured.wrench[:3].tolist(), measured.wrench[3:].tolist()
 
@@ -171,7 +175,7 @@ def _endpoint_state(measured: ArmMeasurement, now: float) -> Message:
 
     zero = vector([0.0, 0.0, 0.0])
     return {
-        "header": _header(now) | {"frame_id": "base"},
+        "header": header | {"frame_id": "base"},
         "pose": {
             "position": vector(measured.tool_position.tolist()),
             "orientation": {"x": x, "y": y, "z": z, "w": w},

@@ -1,0 +1,45 @@
+"""Where cameras are opened, and what they look for."""
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from taskschema.errors import ConfigError
+from taskschema_robot.camera.camera import Camera, Intrinsics
+from taskschema_robot.camera.video_camera import VideoCamera
+from taskschema_robot.cli.arms import Hardware
+from taskschema_robot.reward.lens_file import read_lens
+from taskschema_robot.twin.camera import LockStepCamera, TwinCamera
+from taskschema_robot.twin.lock_step import LockStepClock
+from taskschema_robot.twin.scene import intrinsics
+
+
+@dataclass(frozen=True)
+class Eyes:
+    """A camera and how it projects."""
+
+    camera: Camera
+    intrinsics: Intrinsics
+
+
+def open_eyes(stack: ExitStack, hardware: Hardware, source: str | None, lens: Path | None) -> Eyes:
+    """Open the overhead camera: a twin's own, or the one named.
+
+    Raises:
+        ConfigError: if robots have no camera named; CameraError, if it cannot be opened.
+
+    """
+    camera: Camera
+    if hardware.twin is not None:
+        if isinstance(hardware.clock, LockStepClock):
+            camera = LockStepCamera(hardware.twin, hardware.clock)
+        else:
+            camera = TwinCamera(hardware.twin.url)
+        projection = intrinsics()
+    else:
+        if source is None or lens is None:
+            raise ConfigError("Robots need eyes: --camera SOURCE and --lens FILE (see `calibrate`).")
+        projection, size = read_lens(lens)
+        camera = VideoCamera(source, size, hardware.clock)
+    stack.callback(camera.close)
+    return Eyes(camera, projection)

@@ -1,0 +1,95 @@
+"""The person beside the robots, and everything that they hold: keys, questions, previews. Or nobody."""
+
+import threading
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from taskschema_robot.agent.episode import Preview
+from taskschema_robot.agent.operator import Operator, Unattended
+from taskschema_robot.agent.terminal_operator import TerminalOperator
+from taskschema_robot.agent.twin_person import TwinPerson
+from taskschema_robot.agent.world import EpisodeDroppedError
+from taskschema_robot.reward.camera_world import ResetPerson
+from taskschema_robot.safety.monitors import HoldToRun
+from taskschema_robot.safety.motion import Motion
+from taskschema_robot.safety.refusal import Refusal
+from taskschema_robot.safety.watchdog import Monitor
+from taskschema_robot.twin.client import TwinClient
+
+Stop = Callable[[str], None]
+
+
+@dataclass
+class Person:
+    """Who answers, and how."""
+
+    operator: Operator
+    reset_person: ResetPerson | None = None
+    """None: a twin's object puts itself back."""
+    monitors: list[Monitor] = field(default_factory=list)
+    preview: Preview | None = None
+    keyboard: AbstractContextManager[object] = field(default_factory=nullcontext)
+    stops: list[Stop] = field(default_factory=list)
+    """What a stop key calls, once there is a gate."""
+
+    def on_stop(self, stop: Stop) -> None:
+        """Let the stop key stop the arms."""
+        self.stops.append(stop)
+
+    def listening(self) -> AbstractContextManager[object]:
+        """Return what listens to the keys."""
+        return self.keyboard
+
+    def resets(self, twin: TwinClient | None) -> ResetPerson:
+        """Return who puts the object back."""
+        if self.reset_person is not None:
+            return self.reset_person
+        if twin is None:
+            raise ValueError("nobody is there to put the object back")
+        return TwinPerson(twin)
+
+
+def unattended_person() -> Person:
+    """Return nobody."""
+    return Person(Unattended())
+
+
+def person_at_terminal(folder: Path, stop: threading.Event, *, hold_to_run: bool, preview: bool) -> Person:
+    """Return the person at this terminal."""
+    from rich.console import Console
+
+    from taskschema_robot.agent.keyboard import Keyboard
+
+    stops: list[Stop] = []
+    held = HoldToRun()
+
+    def stop_now() -> None:
+        for call in stops:
+            call("the stop key")
+
+    keyboard = Keyboard(stop_now, held.pressed)
+    operator = TerminalOperator(Console(highlight=False), keyboard.take, keyboard.ask, folder, stop.set)
+    return Person(
+        operator,
+        operator,
+        [held] if hold_to_run else [],
+        _preview(folder, keyboard.ask) if preview else None,
+        keyboard,
+        stops,
+    )
+
+
+def _preview(folder: Path, ask: Callable[[str], str]) -> Preview:
+    """Return what draws every plan and asks a person."""
+    from taskschema_robot.safety.picture import draw_motion
+
+    def show(motion: Motion, refusal: Refusal | None, title: str) -> None:
+        path = folder / "preview.png"
+        draw_motion(path, motion, refusal, title)
+        words = f"refused: {refusal.reason}" if refusal else f"{motion.duration:.1f} s"
+        if ask(f"{title} ({words}), see {path}. Enter to go on, n to drop the episode: ").strip() == "n":
+            raise EpisodeDroppedError("A person did not want the plan.")
+
+    return show

@@ -1,0 +1,92 @@
+"""Marker sheets that can be read back, and the check of a set-up."""
+
+import cv2
+import numpy as np
+import pytest
+from marker_scene import FROM_ABOVE, INTRINSICS, draw, picture_of, standing
+from typer.testing import CliRunner
+
+from taskschema_robot.camera.camera import Frame
+from taskschema_robot.cli.main import app
+from taskschema_robot.errors import CameraError
+from taskschema_robot.objects.catalogue import get_object
+from taskschema_robot.objects.marker import table_markers
+from taskschema_robot.reward import sheets
+from taskschema_robot.reward.calibration import calibrate_lens, check_view
+from taskschema_robot.reward.detector import MarkerDetector
+from taskschema_robot.reward.lens_file import read_lens, write_lens
+from taskschema_robot.reward.poses import Pose
+
+JAR = get_object("glass-jar")
+
+
+def test_what_is_printed_is_what_is_found_at_its_size():
+    dpi = 150
+    seen = {}
+    for page in sheets._pages(table_markers()):
+        figure = sheets._draw("table", 1, 1, page)
+        figure.set_dpi(dpi)
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        image = np.asarray(canvas.buffer_rgba())[..., :3].copy()
+        for number, corners in MarkerDetector().find(image).items():
+            seen[number] = float(np.hypot(*(corners[0] - corners[1]))) / dpi * 0.0254
+    assert set(seen) == {marker.number for marker in table_markers()}
+    for marker in table_markers():
+        assert seen[marker.number] == pytest.approx(marker.size, abs=0.0008)
+
+
+def test_the_command_writes_a_pdf(tmp_path):
+    path = tmp_path / "sheets.pdf"
+    result = CliRunner().invoke(app, ["calibrate", "--sheets", str(path), "--object", "glass-jar"])
+    assert result.exit_code == 0, result.output
+    assert path.read_bytes().startswith(b"%PDF")
+    assert "print at 100 %" in result.output
+
+
+def frames(**kwargs) -> list[Frame]:
+    return [picture_of(JAR, standing(JAR, 0.02, 0.01), seed=n, time=0.03 * n, **kwargs) for n in range(3)]
+
+
+def test_a_good_set_up():
+    findings = check_view(frames(), INTRINSICS, JAR)
+    assert all(finding.good for finding in findings), findings
+    assert "1.40 m above the table" in next(item.words for item in findings if item.what == "camera")
+
+
+def test_what_is_wrong_is_named():
+    findings = {item.what: item for item in check_view(frames(hidden=(40, 41, 42)), INTRINSICS, JAR)}
+    assert not findings["table markers"].good
+    findings = {item.what: item for item in check_view(frames(hidden=(15,)), INTRINSICS, JAR)}
+    assert not findings["glass-jar"].good
+    assert "15" in findings["glass-jar"].words
+
+
+def tilted(number: int) -> Frame:
+    turn = cv2.Rodrigues(0.25 * np.array([np.cos(number), np.sin(number), 0.1 * number]))[0]
+    place = FROM_ABOVE.position + [0.05 * np.cos(2 * number), 0.05 * np.sin(number), -0.02 * number]
+    camera = Pose(place, turn @ FROM_ABOVE.rotation)
+    table = Pose(np.zeros(3), np.eye(3))
+    return Frame(0.0, number, draw([(marker, table) for marker in table_markers()], camera, seed=number))
+
+
+def test_the_lens_is_found_from_tilted_views(tmp_path):
+    numbers = iter(range(12))
+    found, residual = calibrate_lens(lambda: tilted(next(numbers)), 12, lambda words: None)
+    assert residual < 0.5
+    assert found.matrix[0, 0] == pytest.approx(INTRINSICS.matrix[0, 0], rel=0.03)
+    write_lens(tmp_path / "lens.json", found, (1920, 1080), residual)
+    again, size = read_lens(tmp_path / "lens.json")
+    np.testing.assert_allclose(again.matrix, found.matrix)
+    assert size == (1920, 1080)
+
+
+def test_too_few_views_and_bad_files(tmp_path):
+    blank = Frame(0.0, 0, np.zeros((1080, 1920, 3), dtype=np.uint8))
+    with pytest.raises(CameraError, match="0 views"):
+        calibrate_lens(lambda: blank, 8, lambda words: None)
+    (tmp_path / "lens.json").write_text("{}")
+    with pytest.raises(CameraError, match="calibrate --lens"):
+        read_lens(tmp_path / "lens.json")

@@ -1,0 +1,107 @@
+"""Watchdogs beside the arms: camera, Redis and learner, a held key; and the stop endpoint and keys."""
+
+import os
+import pty
+import threading
+import time
+import urllib.error
+import urllib.request
+
+import numpy as np
+import pytest
+from agent_setup import CONFIG
+from bus_setup import Run, wait_until
+
+from taskschema.bus.connection import connect
+from taskschema.bus.records import RunRecords
+from taskschema_learner.embedded_redis import EmbeddedRedis
+from taskschema_robot.agent.keyboard import Keyboard
+from taskschema_robot.agent.stop_endpoint import StopEndpoint
+from taskschema_robot.camera.camera import Frame
+from taskschema_robot.errors import CameraError
+from taskschema_robot.safety.fault import FaultKind
+from taskschema_robot.safety.monitors import CameraMonitor, HoldToRun, LinkMonitor
+
+
+class StillCamera:
+    """A camera whose frames are made by hand."""
+
+    def __init__(self) -> None:
+        self.frame = Frame(10.0, 0, np.zeros((2, 2, 3), dtype=np.uint8))
+        self.broken = False
+
+    def latest(self) -> Frame:
+        if self.broken:
+            raise CameraError("no picture")
+        return self.frame
+
+    def close(self) -> None:
+        pass
+
+
+def test_a_camera_that_repeats_its_picture_is_noticed():
+    camera = StillCamera()
+    monitor = CameraMonitor(camera, oldest=1.0)
+    assert monitor.fault(10.5) is None
+    camera.frame = Frame(11.9, 0, camera.frame.image)  # a new time on the old picture
+    assert monitor.fault(12.0).kind is FaultKind.CAMERA
+    camera.frame = Frame(12.0, 1, camera.frame.image)
+    assert monitor.fault(12.1) is None
+    camera.broken = True
+    assert "no picture" in monitor.fault(12.2).reason
+
+
+def test_a_redis_that_is_silent_is_noticed_and_a_learner_that_failed(tmp_path):
+    with EmbeddedRedis(tmp_path) as server, Run(server.url, CONFIG) as run:
+        now = [0.0]
+        records = RunRecords(connect(server.url, patience=0.1))
+        with LinkMonitor(records, run.name, 10.0, lambda: now[0]) as monitor:
+            wait_until(lambda: monitor._last == 0.0 and monitor.fault(0.0) is None)
+            run.records.set_state(run.name, "failed", "out of disk")
+            wait_until(lambda: monitor.fault(0.0) is not None)
+            assert "out of disk" in monitor.fault(0.0).reason
+            run.records.set_state(run.name, "running")
+            wait_until(lambda: monitor.fault(0.0) is None)
+        now[0] = 11.0  # the looking has ended: silence
+        assert monitor.fault(0.0).kind is FaultKind.LINK
+
+
+def test_hold_to_run():
+    now = [0.0]
+    held = HoldToRun(lambda: now[0], longest=0.7)
+    assert held.fault(0.0).kind is FaultKind.REQUESTED
+    held.pressed()
+    now[0] = 0.6
+    assert held.fault(0.0) is None
+    now[0] = 0.8
+    assert held.fault(0.0) is not None
+
+
+def test_the_stop_endpoint():
+    reasons = []
+    with StopEndpoint(reasons.append, 0) as endpoint:
+        with urllib.request.urlopen(urllib.request.Request(endpoint.url, method="POST"), timeout=5) as answer:
+            assert b"not a safety-rated stop" in answer.read()
+        assert reasons == ["the stop endpoint"]
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            urllib.request.urlopen(endpoint.url.replace("/stop", "/other"), timeout=5)
+        assert "127.0.0.1" in endpoint.url
+    assert len(reasons) == 1
+
+
+def test_keys_of_a_real_terminal():
+    leader, follower = pty.openpty()
+    stopped, pressed = threading.Event(), []
+    with (
+        os.fdopen(follower, "r", buffering=1) as stream,
+        Keyboard(stopped.set, lambda: pressed.append(time.monotonic()), stream) as keyboard,
+    ):
+        os.write(leader, b"p")
+        wait_until(lambda: len(pressed) >= 1)
+        began = time.monotonic()
+        os.write(leader, b" ")
+        assert stopped.wait(5.0)
+        assert time.monotonic() - began < 1.0
+        assert keyboard.take() == "p"
+        assert keyboard.take() is None
+    os.close(leader)
