@@ -16,7 +16,7 @@ train: $(STAMP)  ## learn TASK (lateral-lifting) from scratch with SEED (0)
 	$(BIN)/taskschema train $(TASK) --seed $(SEED)
 
 test: $(STAMP)   ## run the tests (under 10 minutes on 2 cores)
-	$(BIN)/pytest -m "not slow"
+	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile
 
 test-slow: $(STAMP)  ## run the long tests too
 	$(BIN)/pytest

@@ -27,9 +27,7 @@ def torch_network(trunk: str) -> SpatialNetwork:
     return network
 
 
-@pytest.mark.parametrize(
-    ("trunk", "count"), [("small", 3), pytest.param("vgg16", 1, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("trunk", "count"), [("small", 3), pytest.param("vgg16", 1, marks=pytest.mark.slow)])
 def test_numpy_and_torch_compute_the_same(trunk, count):
     frames = toy_frames(count)
     expected = NumpyNetwork(some_weights(trunk), trunk, LAYOUT, TOY.table, TOY.table_view).forward(frames)
