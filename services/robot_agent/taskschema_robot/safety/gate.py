@@ -24,6 +24,8 @@ from taskschema_robot.safety.watchdog import Monitor, obeyed, watch_monitors, wa
 
 log = logging.getLogger("taskschema.robot.safety")
 
+STOP_SECONDS = 1.0
+"""How long a stop may take to show [s]."""
 RECOVERY_WRENCH = 1.2
 """How many times the wrench at its start a recovery may meet: arms that are pressed against something."""
 
@@ -133,12 +135,21 @@ class SafetyGate:
         fault = self._fault
         if fault is None:
             return
+        self._await_stop()
         for driver in self._drivers:
             _make_ready(driver)
         self._openings, self._held_at = [None, None], None
         log.warning("%s acknowledged: %s", person, fault.reason)
         with self._lock:
             self._fault = None
+
+    def _await_stop(self) -> None:
+        """Return once both arms show that they are stopped: a reset before would be followed by the stop."""
+        deadline = self._clock.now() + STOP_SECONDS
+        while self._clock.now() < deadline:
+            if all(driver.state().stopped for driver in self._drivers if driver.connected):
+                return
+            self._clock.sleep_until(self._clock.now() + self._limits.period)
 
     def _relaxed(self) -> SafetyLimits:
         """Return limits under which arms that press on something already may leave it."""
