@@ -94,7 +94,7 @@ Sawyers over rosbridge in lock-step; rounds of 167 episodes, learning rate 0.005
 Hours are on the twin's clock, at the arms' full speed; beside them the same skills at the paper's pace of
 {pace:g} s each (2,000 skills in 6 to 8 hours). The paper's real runs took 4 to 10 hours.
 
-| object | schema | episodes | updates | skills | refused | dropped | hours | at the paper's pace | success | 90 % |
+| object | schema | episodes | updates | skills | refused | dropped | hours | paper's pace | success | 90 % |
 |---|---|---|---|---|---|---|---|---|---|---|
 """
 """Of the table: `refused` are steps that the gate refused, `dropped` episodes that a fault ended."""
