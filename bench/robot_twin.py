@@ -8,6 +8,7 @@ and a real Redis, until 90 % success or `--rounds`. Resumable: what was done goe
 import argparse
 import csv
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -44,6 +45,7 @@ def main() -> None:
 def train(arguments: argparse.Namespace, folder: Path) -> None:
     """Run twin, learner and agent until the run is over."""
     RUNS.mkdir(parents=True, exist_ok=True)
+    os.environ.setdefault("MUJOCO_GL", "egl")
     robot = [sys.executable, "-c", "from taskschema_robot.cli.main import main; main()"]
     twin_command = [*robot, "twin", "--object", arguments.object, "--lock-step", "--calibrated", "--json"]
     ports = ["--left", "0", "--right", "0", "--control", "0"]
@@ -56,12 +58,19 @@ def train(arguments: argparse.Namespace, folder: Path) -> None:
             serve = [*robot, "run", str(folder), "--object", arguments.object, "--twin", control]
             options = ["--see", "truth", "--speed-ratio", "1.0", "--rate", "50", "--unattended"]
             while learner.poll() is None:  # the agent is started again should it end before the run does
-                subprocess.run([*serve, *options, "--folder", str(RUNS / "agent")], check=False)
-                time.sleep(2.0)
+                _serve_until_over([*serve, *options, "--folder", str(RUNS / "agent")], learner)
         finally:
             for process in (learner, twin):
                 process.send_signal(signal.SIGTERM)
                 process.wait()
+
+
+def _serve_until_over(command: list[str], learner: subprocess.Popen[bytes]) -> None:
+    agent = subprocess.Popen(command)
+    while agent.poll() is None and learner.poll() is None:
+        time.sleep(1.0)
+    agent.send_signal(signal.SIGTERM)
+    agent.wait()
 
 
 def _train_command(arguments: argparse.Namespace, folder: Path) -> list[str]:

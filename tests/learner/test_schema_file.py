@@ -145,12 +145,7 @@ def test_what_is_not_signed_needs_that_no_public_key_is_configured(folder, own_k
 def test_a_schema_of_other_skills_or_horizon_says_what_differs(exported):
     with pytest.raises(SchemaMismatchError, match="skills"):
         initial_logits(str(exported), RunConfig(task="lateral-lifting"))
-    source = (
-        "from taskschema.tasks.toy import Toy\n"
-        "class Long(Toy):\n"
-        "    name = 'long'\n"
-        "    horizon = 4\n"
-    )
+    source = "from taskschema.tasks.toy import Toy\nclass Long(Toy):\n    name = 'long'\n    horizon = 4\n"
     with pytest.raises(SchemaMismatchError, match="horizon 3, this task has 4"):
         initial_logits(str(exported), RunConfig(task="Long", task_source=source))
 

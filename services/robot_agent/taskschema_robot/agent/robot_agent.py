@@ -69,13 +69,13 @@ class RobotAgent:
         self.progress = Progress(folder / "episodes.csv")
 
     def run(self, stop: threading.Event) -> None:
-        """Serve the run until told to stop or it is over; waits for a Redis that is away."""
+        """Serve the run until told to stop or it is over; waits for a learner or a Redis that is away."""
         while not stop.is_set():
             try:
                 status = self._records.status(self._run)
                 self._log.forget(status.version)
-                if status.state in ("finished", "stopped", "failed"):
-                    log.info("The run is %s", status.state)
+                if status.state == "finished":
+                    log.info("The run is finished: %s", status.message)
                     return
                 for lease in self._bus.lease(BLOCK_MS):
                     if stop.is_set():
