@@ -99,6 +99,7 @@ class EpisodeRunner:
             judgement = self._world.judge(start)
             if judgement.outcome is Outcome.SUCCESS:
                 break
+        self._put_down()
         self.go_home()
         if judgement.outcome is Outcome.UNKNOWN:
             judgement = self._world.last_look(start)
@@ -117,6 +118,14 @@ class EpisodeRunner:
             attempt=key.attempt,
         )
         return trajectory, record
+
+    def _put_down(self) -> None:
+        """Lower what is held before the hands open; what must not be lowered falls."""
+        motion = self._planner.put_down(self._arms.states())
+        if motion is not None:
+            refusal = self._arms.execute(motion)
+            if refusal is not None:
+                log.warning("What is held is let go in the air: %s", refusal.reason)
 
     def go_home(self, *, recovering: bool = False) -> None:
         """Open the hands and bring the arms home; slowly, along a checked way, after a fault."""
