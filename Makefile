@@ -16,7 +16,7 @@ train: $(STAMP)  ## learn TASK (lateral-lifting) from scratch with SEED (0)
 	$(BIN)/taskschema train $(TASK) --seed $(SEED)
 
 test: $(STAMP)   ## run the tests (under 10 minutes on 2 cores)
-	$(BIN)/pytest -m "not slow"
+	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile
 
 test-slow: $(STAMP)  ## run the long tests too
 	$(BIN)/pytest
@@ -28,10 +28,11 @@ env:             ## write .env, the settings of docker compose, with new secrets
 	@test ! -e .env || { echo ".env is there already: edit it, or move it away." >&2; exit 1; }
 	umask 077 && deploy/docker/new-env.sh > .env
 
-check: $(STAMP)  ## lint, formatting and types
+check: $(STAMP)  ## lint, formatting, types, known vulnerabilities
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
+	$(BIN)/python .ci/audit.py
 
 bench: $(STAMP)  ## measure the speed and print it beside its targets
 	$(BIN)/python -m bench

@@ -29,6 +29,7 @@ def main() -> None:
         skill.replace("_", "-"): ["--expert", task, "--step", str(step), "--camera", "close"]
         for skill, (task, step) in SHOWN_IN.items()
     }
+    films["tray"] = ["--task-file", "docs/examples/tray.py:Tray"]
     OUT.mkdir(parents=True, exist_ok=True)
     for name in sys.argv[1:] or films:
         options = [*OPTIONS, "--out", str(OUT / f"{name}.gif")]

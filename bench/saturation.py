@@ -79,7 +79,7 @@ def _update_seconds(sample: list[Trajectory], slots: int) -> float:
     task = get_task(TASK)
     learner = Learner(config, task)
     # As they arrive: decoded from messages.
-    expected = TrajectoryFormat.of(task, config.episodes_per_slot)
+    expected = TrajectoryFormat.of(task, config)
     trajectories = [
         item for slot in range(slots) for item in decode_slot(encode_slot(_as_slot(sample, slot)), expected)
     ]
@@ -127,7 +127,7 @@ def _redis_cpu(client: Any) -> float:
 def _deliver(url: str, number: int, message: bytes, done: Event) -> None:
     """Lease slots and deliver the same trajectories for each at once."""
     config, task = RunConfig(task=TASK), get_task(TASK)
-    expected = TrajectoryFormat.of(task, config.episodes_per_slot)
+    expected = TrajectoryFormat.of(task, config)
     sample = decode_slot(message, expected)
     with WorkerBus(connect(url), RUN, f"bench-{number}") as bus:
         while not done.is_set():

@@ -94,6 +94,23 @@ class NetworkConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
         _require(len(self.hidden) > 0 and all(size > 0 for size in self.hidden), "hidden", "sizes above 0")
 
 
+class ImageConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Settings of the spatial network, of runs on images alone."""
+
+    trunk: Literal["small", "vgg16"] = "small"
+    """What turns a frame into feature maps (paper: VGG16's first four blocks)."""
+    vgg_sha256: str | None = None
+    """SHA-256 of the file with VGG's published weights (`--vgg-weights`); None: random ones."""
+
+    def __post_init__(self) -> None:
+        _require(self.vgg_sha256 is None or self.trunk == "vgg16", "image.trunk", "vgg16 with --vgg-weights")
+
+    @property
+    def trunk_is_frozen(self) -> bool:
+        """Whether the trunk stays as it starts: VGG's does, the small one is trained with the rest."""
+        return self.trunk == "vgg16"
+
+
 class RunConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What one run's results depend on; `config_hash` covers exactly this."""
 
@@ -114,16 +131,25 @@ class RunConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     ppo: PPOConfig = PPOConfig()
     schema: SchemaConfig = SchemaConfig()
     network: NetworkConfig = NetworkConfig()
+    image: ImageConfig = ImageConfig()
 
     def __post_init__(self) -> None:
         _require(0 <= self.seed < 2**63, "seed", "between 0 and 2^63 - 1")
         _require(1 <= self.slots <= 100_000, "slots", "between 1 and 100000")
         _require(1 <= self.episodes_per_slot <= 1_000, "episodes_per_slot", "between 1 and 1000")
+        if self.observation == "image" and self.policy == "state":
+            raise ConfigError(
+                "The baseline `--policy state` chooses skills from the low-dimensional state: "
+                "use --policy schema or oracle with --observation image."
+            )
 
     @property
     def config_hash(self) -> str:
-        """SHA-256 of the configuration, in hexadecimal."""
-        return hashlib.sha256(msgspec.json.encode(self, order="deterministic")).hexdigest()
+        """SHA-256 of the configuration, in hexadecimal; image settings count where images are seen."""
+        data = msgspec.to_builtins(self)
+        if self.observation != "image":
+            del data["image"]
+        return hashlib.sha256(msgspec.json.encode(data, order="deterministic")).hexdigest()
 
 
 def parse_config(data: bytes) -> RunConfig:

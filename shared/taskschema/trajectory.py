@@ -6,7 +6,11 @@ import msgspec
 import numpy as np
 
 from taskschema.arrays import AnyArray, Float32Array, IntArray
-from taskschema.errors import WireError
+from taskschema.config import RunConfig
+from taskschema.errors import FrameError, WireError
+from taskschema.frames import FRAME_DTYPE, FRAME_SHAPE, check_alive, check_frames
+from taskschema.policies.spatial_layout import CELL, CELLS, SpatialLayout
+from taskschema.skills.pairs import ARMS
 from taskschema.tasks.task import Task
 
 MAX_MESSAGE_BYTES = 16 * 1024 * 1024
@@ -27,11 +31,12 @@ class Trajectory:
     episode: int
     """Episode within its slot."""
     observations: AnyArray
-    """[L, D] float32 SI observations before each step."""
+    """[L, D] float32 SI observations before each step, or [L, 256, 256, 3] uint8 frames."""
     pairs: IntArray
     """[L] skill pair of each step."""
     arguments: Float32Array
-    """[L, A] raw Gaussian samples; 0 where the pair does not use the argument."""
+    """[L, A] raw Gaussian samples; 0 where the pair does not use the argument. On images [L, R], see
+    `taskschema.policies.spatial_layout`."""
     success: bool
     diverged: bool = False
     """Whether the simulation broke down; then it is a failure."""
@@ -105,17 +110,19 @@ class TrajectoryFormat:
     observation_dtype: str
     episodes_per_slot: int
 
+    cell_columns: tuple[int, ...] = ()
+    """Of actions on images: which numbers are cells of the table; they are whole, 0 to 63."""
+
     @classmethod
-    def of(cls, task: Task, episodes_per_slot: int) -> "TrajectoryFormat":
-        """Return the format of a task's trajectories on state observations."""
-        return cls(
-            horizon=task.horizon,
-            pair_count=len(task.pairs),
-            argument_count=task.pairs.argument_count,
-            observation_shape=(task.observation.size,),
-            observation_dtype="<f4",
-            episodes_per_slot=episodes_per_slot,
-        )
+    def of(cls, task: Task, config: RunConfig) -> "TrajectoryFormat":
+        """Return the format of a run's trajectories."""
+        common = (task.horizon, len(task.pairs))
+        if config.observation == "image":
+            layout = SpatialLayout(task.image_pairs)
+            cells = tuple(layout.columns(arm).start + CELL for arm in range(len(ARMS)))
+            return cls(*common, layout.size, FRAME_SHAPE, FRAME_DTYPE, config.episodes_per_slot, cells)
+        shape = (task.observation.size,)
+        return cls(*common, task.pairs.argument_count, shape, "<f4", config.episodes_per_slot)
 
 
 def encode_slot(trajectories: list[Trajectory]) -> bytes:
@@ -158,7 +165,19 @@ def decode_slot(data: bytes, expected: TrajectoryFormat) -> list[Trajectory]:
         raise WireError(f"a slot holds episodes 0 to {expected.episodes_per_slot - 1}, in order")
     if len({(item.round, item.slot) for item in trajectories}) != 1:
         raise WireError("a message holds one slot of one round")
+    if expected.observation_dtype == FRAME_DTYPE:
+        _check_pictures(trajectories)
     return trajectories
+
+
+def _check_pictures(trajectories: list[Trajectory]) -> None:
+    """Refuse what no working camera delivers."""
+    try:
+        for item in trajectories:
+            check_frames(item.observations)
+        check_alive(np.stack([item.observations[0] for item in trajectories]))
+    except FrameError as error:
+        raise WireError(f"observations: {error}", kind="bad_frame") from None
 
 
 def _check(message: _Message, expected: TrajectoryFormat) -> Trajectory:
@@ -184,6 +203,9 @@ def _check(message: _Message, expected: TrajectoryFormat) -> Trajectory:
     arguments = _unpack(message.arguments, "arguments", "<f4", (length, expected.argument_count))
     if (np.abs(arguments) > MAX_RAW_ARGUMENT).any():
         raise WireError(f"arguments: beyond +-{MAX_RAW_ARGUMENT:g}")
+    cells = arguments[:, list(expected.cell_columns)]
+    if ((cells != np.floor(cells)) | (cells < 0) | (cells >= CELLS)).any():
+        raise WireError(f"arguments: a cell is a whole number from 0 to {CELLS - 1}")
     return Trajectory(
         round=message.round,
         slot=message.slot,

@@ -2,7 +2,6 @@
 
 import os
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -15,14 +14,12 @@ from tls import make_certificates
 
 from taskschema.bus.connection import connect
 from taskschema.bus.keys import RUNS, RunKeys
-from taskschema.bus.records import RunRecords
 from taskschema.bus.worker_bus import WorkerBus
 from taskschema.config import RunConfig
 from taskschema.errors import BusError
 from taskschema_learner.api.exposition import exposition
 from taskschema_learner.api.redis_source import RedisSource
 
-COMMAND = str(Path(sys.executable).with_name("taskschema"))
 KEYS = RunKeys("some-run")
 DENIED_TO_ALL = [
     ("EVAL", "return 1", "0"),
@@ -195,22 +192,6 @@ def test_each_role_can_do_its_work(server: RoleRedis) -> None:
         assert run.records.stop_requested(run.name)
         assert source.curve(run.name)
         assert source.events(run.name, source.last_event(run.name)) == []
-
-
-def test_a_training_under_these_users(server: RoleRedis, tmp_path: Path) -> None:
-    environment = {
-        **os.environ,
-        "TASKSCHEMA_REDIS_URL": server.url("learner"),
-        "TASKSCHEMA_WORKER_REDIS_URL": server.url("worker"),
-        "TASKSCHEMA_API_REDIS_URL": server.url("api"),
-    }
-    command = [COMMAND, "train", "toy", "--run-dir", str(tmp_path / "run")]
-    command += ["--workers", "1", "--api", "127.0.0.1:0", "--rounds", "2", "--until-success", "0"]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=90)
-    assert done.returncode == 0, done.stdout + done.stderr
-    log = (tmp_path / "run/log.jsonl").read_text()
-    assert "permission" not in (done.stdout + done.stderr + log).lower()
-    assert RunRecords(connect(server.url("learner"))).status("run").state == "finished"
 
 
 def test_a_missing_password_is_one_clear_line() -> None:

@@ -120,7 +120,7 @@ def test_a_trained_run_is_shown_and_bad_input_is_one_line(tmp_path):
         capture = cv2.VideoCapture(str(tmp_path / f"{name}.mp4"))
         assert capture.read()[0]
     for arguments, words in [
-        ([], "Name a RUN, or a task with --expert TASK"),
+        ([], "Name one of: a RUN; a task, --expert TASK"),
         (["--expert", "toy"], "Task 'toy' has no scene"),
         (["--expert", "liftin"], "Unknown task 'liftin'"),
         ([name, "--out", "film.avi"], "film.avi has no ending that is known: use .mp4, .gif, .png"),

@@ -10,6 +10,7 @@ from taskschema.errors import SchemaMismatchError
 from taskschema.schema import BestPair
 from taskschema.tasks.registry import get_task
 from taskschema_learner import schema_report
+from taskschema_learner.schema_explanation import explain
 from taskschema_learner.schema_report import SchemaVerdict, compare, good_schemas
 
 PAPER = [("reach", "reach"), ("raise", "raise")]
@@ -55,6 +56,39 @@ def test_a_schema_is_compared_over_the_steps_it_uses(with_good_schemas, pairs, u
     assert comparison.verdict is verdict
     assert comparison.is_success is (verdict is not SchemaVerdict.DIFFERENT)
     assert verdict.value in comparison.sentence
+
+
+def test_a_verdict_is_explained_step_by_step(with_good_schemas):
+    with_good_schemas(msgspec.json.encode([[*PAPER, ("reach", "reach")], ONE_EARLY]))
+    task = get_task("toy")
+
+    def words(pairs):
+        return explain(task, compare(task, best(pairs)))
+
+    assert words(PAPER) == [
+        "Step 1: (reach, reach), as in the paper.",
+        "Step 2: (raise, raise), as in the paper.",
+        "Equal: every step that is used is the paper's.",
+    ]
+    step_1, step_2, step_3, reason = words(ONE_EARLY)
+    assert step_1 == "Step 1: the right arm runs no_op instead of reach."
+    assert (
+        step_2
+        == "Step 2: the left arm runs no_op instead of raise and the right arm runs reach instead of raise."
+    )
+    assert step_3 == "Step 3: (raise, raise), one step more than the paper's schema has."
+    # The audit found the two above; three steps of nine pairs are 9^3 = 729 schemas.
+    assert reason.startswith("Equivalent: ")
+    assert reason.endswith("there are 2 among 729.")
+    missing, reason = words([("reach", "reach")])[1:]
+    assert missing == "Step 2: not there; the paper's schema goes on with (raise, raise)."
+    assert reason.startswith("Different: ")
+
+
+def test_a_task_without_an_audit_is_told_so(with_good_schemas, tmp_path, monkeypatch):
+    monkeypatch.setattr(schema_report.resources, "files", lambda package: tmp_path)
+    task = get_task("toy")
+    assert "`taskschema audit toy`" in explain(task, compare(task, best(ONE_EARLY)))[-1]
 
 
 def test_without_a_good_set_only_the_paper_s_schema_is_good(with_good_schemas, tmp_path, monkeypatch):

@@ -226,7 +226,9 @@ anything = st.recursive(
     data=st.binary(max_size=200) | st.just(GOOD),
 )
 def test_admission_lets_in_or_refuses_but_never_fails(header: bytes, data: bytes) -> None:
-    door = Admission(2, range(8), SNAPSHOT.sha256, CONFIG_HASH, TrajectoryFormat.of(Toy(), 4))
+    door = Admission(
+        2, range(8), SNAPSHOT.sha256, CONFIG_HASH, TrajectoryFormat.of(Toy(), RunConfig(task="toy"))
+    )
     try:
         result = door.admit({HEADER: header, DATA: data})
     except RefusedError as error:

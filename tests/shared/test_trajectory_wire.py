@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from taskschema.config import RunConfig
 from taskschema.errors import WireError
 from taskschema.tasks.toy import Toy
 from taskschema.trajectory import MAX_MESSAGE_BYTES, Trajectory, TrajectoryFormat, decode_slot, encode_slot
@@ -55,7 +56,7 @@ def mutate(change: Any) -> bytes:
 
 
 def test_format_of_a_task() -> None:
-    assert TrajectoryFormat.of(Toy(), 2) == FORMAT
+    assert TrajectoryFormat.of(Toy(), RunConfig(task="toy", episodes_per_slot=2)) == FORMAT
 
 
 @given(lengths=st.lists(st.integers(1, 3), min_size=2, max_size=2), seed=st.integers(0, 2**32))

@@ -7,6 +7,8 @@ import numpy as np
 import torch
 
 from taskschema.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
+from taskschema.config import ObservationKind
+from taskschema.policies.spatial_layout import SpatialLayout
 from taskschema.tasks.task import Task
 from taskschema.trajectory import Trajectory
 
@@ -15,14 +17,14 @@ from taskschema.trajectory import Trajectory
 class Batch:
     """The B steps of N episodes, in the order of slot, episode and step."""
 
-    inputs: Float32Array
-    """[B, D] scaled observations."""
+    inputs: AnyArray
+    """[B, D] scaled observations, or frames [B, 256, 256, 3]."""
     pairs: IntArray
     """[B] skill pair."""
     arguments: Float32Array
-    """[B, A] raw samples."""
+    """[B, A] raw samples; [B, R] on images."""
     used: BoolArray
-    """[B, A] which arguments the pair uses."""
+    """[B, A] which arguments the pair uses; [B, R] on images."""
     rewards: FloatArray
     """[N, T] 1 at a successful episode's last step, else 0."""
     lengths: IntArray
@@ -46,7 +48,7 @@ class Samples:
     """Steps as tensors, for one network's precision and device."""
 
     inputs: torch.Tensor
-    """[B, D]"""
+    """[B, D], or what `SpatialNetwork.inputs` keeps of frames"""
     pairs: torch.Tensor
     """[B]"""
     arguments: torch.Tensor
@@ -68,18 +70,21 @@ def in_order(trajectories: Sequence[Trajectory]) -> list[Trajectory]:
     return sorted(trajectories, key=lambda item: (item.slot, item.episode))
 
 
-def collate(trajectories: Sequence[Trajectory], task: Task) -> Batch:
+def collate(trajectories: Sequence[Trajectory], task: Task, observation: ObservationKind = "state") -> Batch:
     """Put trajectories, already in order, into arrays."""
     lengths = np.array([len(item) for item in trajectories], dtype=np.int64)
     success = np.array([item.success for item in trajectories])
     rewards = np.zeros((len(trajectories), task.horizon))
     rewards[success, lengths[success] - 1] = 1.0
     pairs = np.concatenate([item.pairs for item in trajectories])
+    observations = np.concatenate([item.observations for item in trajectories])
+    on_images = observation == "image"
+    used = SpatialLayout(task.image_pairs).used if on_images else task.pairs.used
     return Batch(
-        inputs=task.observation.to_network(np.concatenate([item.observations for item in trajectories])),
+        inputs=observations if on_images else task.observation.to_network(observations),
         pairs=pairs,
         arguments=np.concatenate([item.arguments for item in trajectories]),
-        used=task.pairs.used[pairs],
+        used=used[pairs],
         rewards=rewards,
         lengths=lengths,
     )

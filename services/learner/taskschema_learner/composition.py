@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
+from taskschema.arrays import Float32Array
 from taskschema.bus.connection import connect
 from taskschema.bus.learner_bus import LearnerBus
 from taskschema.bus.records import RunRecords
@@ -60,6 +61,8 @@ class TrainOptions:
     """torch device of the learner."""
     agent: AgentKind = "simulation"
     """Who runs the episodes: `simulation` starts workers, `robot` waits for `taskschema-robot run`."""
+    trunk: dict[str, Float32Array] | None = None
+    """Published weights that a new run's frozen trunk starts with, by name; None: random ones."""
 
 
 def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
@@ -86,7 +89,7 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
             api = stack.enter_context(ApiProcess(api_url, folder.name, options.api, tls=options.api_tls))
         records.set_api(folder.name, api.url if api else None)
         task = task_of(folder.config)
-        learner = Learner(folder.config, task, device=options.device)
+        learner = Learner(folder.config, task, options.device, options.trunk)
         bus = LearnerBus(connect(url), folder.name, folder.config)
         bus.acquire()
         tend_workers, workers = _start_workers(stack, options, url, folder.name)

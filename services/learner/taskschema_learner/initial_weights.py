@@ -5,7 +5,11 @@ import math
 import numpy as np
 
 from taskschema.arrays import Float32Array, FloatArray
-from taskschema.config import NetworkConfig
+from taskschema.config import NetworkConfig, RunConfig
+from taskschema.policies.spatial_layout import SpatialLayout
+from taskschema.policies.spatial_trunk import TRUNKS, maps_layer, squeeze_layer
+from taskschema.tasks.task import Task
+from taskschema_learner.spatial_network import head_shapes
 
 TRUNK_GAIN = math.sqrt(2.0)
 ACTOR_GAIN = 0.01
@@ -37,6 +41,38 @@ def initial_weights(
     weights["value.bias"] = np.zeros(1, dtype=np.float32)
     weights["log_std.bias"] += np.float32(config.initial_log_std)
     return weights
+
+
+def initial_spatial_weights(
+    rng: np.random.Generator,
+    config: RunConfig,
+    task: Task,
+    published: dict[str, Float32Array] | None = None,
+) -> dict[str, Float32Array]:
+    """Return a spatial network's first weights: as `initial_weights`, each filter a row.
+
+    Args:
+        rng: draws them.
+        config: of a run on images.
+        task: what is seen and done.
+        published: the trunk's weights where they are known; the rest is the same with and without them.
+
+    """
+    layout = SpatialLayout(task.image_pairs)
+    trunk = config.image.trunk
+    layers = [(squeeze_layer(trunk), TRUNK_GAIN), (maps_layer(layout.map_count), ACTOR_GAIN)]
+    if published is None:
+        layers += [(layer, TRUNK_GAIN) for layer in TRUNKS[trunk]]
+    weights: dict[str, Float32Array] = {}
+    for layer, gain in layers:
+        outputs, *inputs = layer.shape
+        filters = gain * _orthogonal(rng, outputs, math.prod(inputs))
+        weights[f"{layer.name}.weight"] = filters.reshape(layer.shape).astype(np.float32)
+        weights[f"{layer.name}.bias"] = np.zeros(outputs, dtype=np.float32)
+    for name, shape in head_shapes(len(layout.others)).items():
+        weights[name] = np.zeros(shape, dtype=np.float32)
+    weights["log_std"] += np.float32(config.network.initial_log_std)
+    return weights | (published or {})
 
 
 def _orthogonal(rng: np.random.Generator, rows: int, columns: int) -> FloatArray:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from taskschema.arrays import AnyArray, FloatArray
+from taskschema.arrays import AnyArray, Float32Array, FloatArray
 from taskschema.config import RunConfig
 from taskschema.errors import ConfigError, SchemaMismatchError
 from taskschema.policies import PolicySnapshot
@@ -15,10 +15,11 @@ from taskschema.schema import one_hot_logits
 from taskschema.tasks.task import Task
 from taskschema.trajectory import Trajectory
 from taskschema_learner.batch import collate, in_order
-from taskschema_learner.initial_weights import initial_weights
+from taskschema_learner.initial_weights import initial_spatial_weights, initial_weights
 from taskschema_learner.networks import ArgumentNetwork
 from taskschema_learner.optimiser import Optimiser, UpdateStatistics
 from taskschema_learner.schema_trainers import make_schema_trainer
+from taskschema_learner.spatial_network import SpatialNetwork
 
 __all__ = ["Learner", "UpdateStatistics"]
 
@@ -35,15 +36,18 @@ class Learner:
     pair, too, and the logits stay zero. `oracle`: the logits are the task's known schema and stay so.
     """
 
-    def __init__(self, config: RunConfig, task: Task, device: str = "cpu") -> None:
+    def __init__(
+        self,
+        config: RunConfig,
+        task: Task,
+        device: str = "cpu",
+        trunk: dict[str, Float32Array] | None = None,
+    ) -> None:
+        """Start with the config's first weights; `trunk` are those of VGG16 where the config names a file."""
         _prepare(device)
         self._config = config
         self._task = task
-        pairs = len(task.pairs) if config.policy == "state" else 0
-        sizes = (task.observation.size, config.network, task.pairs.argument_count, pairs)
-        rng = round_generator(config.seed, 0, Purpose.INITIAL_WEIGHTS)
-        self._network = ArgumentNetwork(sizes[0], config.network.hidden, sizes[2], pairs, device)
-        self._network.load(initial_weights(rng, *sizes))
+        self._network = _first_network(config, task, device, trunk)
         self._optimiser = Optimiser(self._network, config.ppo)
         self._schema_trainer = make_schema_trainer(config.schema)
         self._logits = _initial_logits(config, task)
@@ -87,7 +91,7 @@ class Learner:
             raise ValueError(f"An update of version {self._version} takes trajectories of that round.")
         ordered = in_order(trajectories)
         rng = round_generator(self._config.seed, self._version, Purpose.MINIBATCHES)
-        statistics = self._optimiser.update(collate(ordered, self._task), rng)
+        statistics = self._optimiser.update(collate(ordered, self._task, self._config.observation), rng)
         if self._config.policy == "schema" and not self._config.schema.frozen:
             self._logits = self._schema_trainer.update(self._logits, ordered)
         lengths = [len(item) for item in ordered if item.success]
@@ -123,6 +127,22 @@ class Learner:
             self._version = int(arrays["version"])
         except (KeyError, ValueError) as error:
             raise ConfigError(f"The checkpoint does not fit this run's config: {error}.") from None
+
+
+def _first_network(
+    config: RunConfig, task: Task, device: str, trunk: dict[str, Float32Array] | None
+) -> ArgumentNetwork | SpatialNetwork:
+    """Return the run's network with its first weights."""
+    rng = round_generator(config.seed, 0, Purpose.INITIAL_WEIGHTS)
+    if config.observation == "image":
+        spatial = SpatialNetwork(task, config.image, device)
+        spatial.load(initial_spatial_weights(rng, config, task, trunk))
+        return spatial
+    pairs = len(task.pairs) if config.policy == "state" else 0
+    sizes = (task.observation.size, config.network, task.pairs.argument_count, pairs)
+    network = ArgumentNetwork(sizes[0], config.network.hidden, sizes[2], pairs, device)
+    network.load(initial_weights(rng, *sizes))
+    return network
 
 
 def _prepare(device: str) -> None:

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from taskschema.arrays import AnyArray, Float32Array
 from taskschema.policies.network import LOG_STD_RANGE
+from taskschema_learner.losses import argument_terms
 from taskschema_learner.perceptron import Perceptron, layer_views, parameter_count
 
 
@@ -25,6 +26,10 @@ class Evaluation:
     """[B] expected return."""
     pair_logits: Tensor | None
     """[B, |X|] logits over skill pairs, of the `state` policy only."""
+
+    def argument_terms(self, arguments: Tensor, used: Tensor) -> tuple[Tensor, Tensor]:
+        """Return log-density [B] and entropy [B, nat] of raw arguments [B, A]; see `losses`."""
+        return argument_terms(arguments, self.mean, self.log_std, used)
 
 
 class ArgumentNetwork:
@@ -64,10 +69,14 @@ class ArgumentNetwork:
         heads = outputs.split(list(self._heads.values()), dim=1)
         return Evaluation(
             mean=heads[0],
-            log_std=_Bounded.apply(heads[1], *LOG_STD_RANGE),  # type: ignore[no-untyped-call]
+            log_std=bounded(heads[1], *LOG_STD_RANGE),
             value=heads[2][:, 0],
             pair_logits=heads[3] if len(heads) > 3 else None,
         )
+
+    def inputs(self, observations: AnyArray) -> Tensor:
+        """Return scaled observations [B, D] as the network takes them."""
+        return torch.from_numpy(observations).to(self.flat)
 
     def _named(self) -> dict[str, Tensor]:
         """Return views of the parameters under the names that they travel by."""
@@ -104,6 +113,12 @@ class ArgumentNetwork:
             raise ValueError(f"The weights are not of this network, which has {shapes}.")
         for name, view in views.items():
             view.copy_(torch.from_numpy(np.array(weights[name])))
+
+
+def bounded(values: Tensor, low: float, high: float) -> Tensor:
+    """Return values limited to [low, high]; see `_Bounded`."""
+    limited: Tensor = _Bounded.apply(values, low, high)  # type: ignore[no-untyped-call]
+    return limited
 
 
 class _Bounded(torch.autograd.Function):

@@ -11,12 +11,9 @@ from taskschema.config import PPOConfig
 from taskschema_learner.advantages import generalised_advantages
 from taskschema_learner.algorithms import make_algorithm
 from taskschema_learner.batch import Batch, Samples
-from taskschema_learner.losses import (
-    argument_terms,
-    pair_entropy,
-    pair_log_probability,
-)
+from taskschema_learner.losses import pair_entropy, pair_log_probability
 from taskschema_learner.networks import ArgumentNetwork, Evaluation
+from taskschema_learner.spatial_network import SpatialEvaluation, SpatialNetwork
 
 
 @dataclass(frozen=True)
@@ -38,7 +35,7 @@ class Optimiser:
     logits are constants, which change no gradient (paper, section III).
     """
 
-    def __init__(self, network: ArgumentNetwork, config: PPOConfig) -> None:
+    def __init__(self, network: ArgumentNetwork | SpatialNetwork, config: PPOConfig) -> None:
         self._network = network
         self._config = config
         self._algorithm = make_algorithm(config)
@@ -61,9 +58,8 @@ class Optimiser:
 
     def _samples(self, batch: Batch) -> Samples:
         like = self._network.flat
-        inputs, arguments, used = (
-            torch.from_numpy(array).to(like) for array in (batch.inputs, batch.arguments, batch.used)
-        )
+        inputs = self._network.inputs(batch.inputs)
+        arguments, used = (torch.from_numpy(array).to(like) for array in (batch.arguments, batch.used))
         pairs = torch.from_numpy(batch.pairs).to(like.device)
         with torch.no_grad():
             evaluation = self._network(inputs)
@@ -85,10 +81,10 @@ class Optimiser:
 
     @staticmethod
     def _terms(
-        evaluation: Evaluation, arguments: Tensor, used: Tensor, pairs: Tensor
+        evaluation: Evaluation | SpatialEvaluation, arguments: Tensor, used: Tensor, pairs: Tensor
     ) -> tuple[Tensor, Tensor]:
         """Return log-probability [B] and entropy [B] of actions, of the pair only if the network chose it."""
-        log_probability, entropy = argument_terms(arguments, evaluation.mean, evaluation.log_std, used)
+        log_probability, entropy = evaluation.argument_terms(arguments, used)
         if evaluation.pair_logits is not None:
             log_probability = log_probability + pair_log_probability(evaluation.pair_logits, pairs)
             entropy = entropy + pair_entropy(evaluation.pair_logits)
@@ -115,7 +111,7 @@ class Optimiser:
         with torch.no_grad():
             evaluation = self._network(samples.inputs)
             new, _ = self._terms(evaluation, samples.arguments, samples.used, samples.pairs)
-            _, entropy = argument_terms(samples.arguments, evaluation.mean, evaluation.log_std, samples.used)
+            _, entropy = evaluation.argument_terms(samples.arguments, samples.used)
             log_ratio = new - samples.old_log_probabilities
             outside = (log_ratio.exp() - 1.0).abs() > self._config.clip
             means = [torch.stack(values).mean() for values in series]

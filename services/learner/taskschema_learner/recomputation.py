@@ -5,11 +5,14 @@ from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass
 
+from taskschema.arrays import Float32Array
 from taskschema.config import RunConfig
-from taskschema.policies import Policy
+from taskschema.policies import policy_of
 from taskschema.tasks.registry import task_of
 from taskschema.trajectory import Trajectory
+from taskschema_learner.evaluation import newest_policy
 from taskschema_learner.learner import Learner
+from taskschema_learner.run_folder import RunFolder
 from taskschema_worker.environments import make_environment
 from taskschema_worker.rollout import collect_slots
 
@@ -28,8 +31,23 @@ class RecomputedRound:
     """Hash of the policy after the round's update."""
 
 
-def recompute(config: RunConfig, rounds: int) -> Iterator[RecomputedRound]:
-    """Train from scratch as the run did and yield its first rounds one by one.
+def published_trunk(folder: RunFolder) -> dict[str, Float32Array] | None:
+    """Return the published weights that a run's frozen trunk has, which its newest policy holds; or None.
+
+    Raises:
+        RunFolderError: if the run has no policy yet, or a damaged one.
+
+    """
+    if folder.config.image.vgg_sha256 is None:
+        return None
+    weights = newest_policy(folder).weights
+    return {name: array for name, array in weights.items() if name.startswith("trunk.")}
+
+
+def recompute(
+    config: RunConfig, rounds: int, trunk: dict[str, Float32Array] | None = None
+) -> Iterator[RecomputedRound]:
+    """Train from scratch as the run did and yield its first rounds one by one; `trunk`: see `Learner`.
 
     A run is a function of its config and seed, so in the same environment (same lock file, same kind of
     processor) this gives the same bits as any number of workers did.
@@ -39,10 +57,10 @@ def recompute(config: RunConfig, rounds: int) -> Iterator[RecomputedRound]:
 
     """
     task = task_of(config)
-    learner = Learner(config, task)
-    with closing(make_environment(task, threads=os.cpu_count() or 1)) as environment:
+    learner = Learner(config, task, trunk=trunk)
+    with closing(make_environment(task, os.cpu_count() or 1, config.observation)) as environment:
         for number in range(rounds):
-            policy = Policy(learner.snapshot(), task.pairs, task.observation)
+            policy = policy_of(config, task, learner.snapshot())
             trajectories = [
                 trajectory
                 for start in range(0, config.slots, SLOTS_AT_ONCE)

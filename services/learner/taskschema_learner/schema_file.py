@@ -95,7 +95,8 @@ def read_schema(path: Path, trusted: Ed25519PublicKey | None = None) -> SchemaDo
             is there must fit.
 
     Raises:
-        RunFolderError: if the file cannot be read or is no schema; SignatureError: if it is not to be trusted.
+        RunFolderError: if the file cannot be read or is no schema.
+        SignatureError: if it is not to be trusted.
     """
     data = _read(path)
     try:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from taskschema.arrays import AnyArray, Float32Array
-from taskschema.policies import Policy
+from taskschema.policies import ActingPolicy
 from taskschema.randomness import EpisodeKey, Purpose, generator
 from taskschema.tasks.task import BatchEnvironment
 from taskschema.trajectory import Trajectory
@@ -41,7 +41,7 @@ class _Episode:
 
 def collect_slots(
     environment: BatchEnvironment,
-    policy: Policy,
+    policy: ActingPolicy,
     *,
     seed: int,
     round_index: int,
@@ -60,7 +60,7 @@ def collect_slots(
         EpisodeKey(seed, round_index, slot, episode) for slot in slots for episode in range(episodes_per_slot)
     ]
     episodes = [_Episode(key) for key in keys]
-    observations = environment.reset([generator(key, Purpose.RESET) for key in keys]).astype(np.float32)
+    observations = _as_streamed(environment.reset([generator(key, Purpose.RESET) for key in keys]))
     live = np.arange(len(keys))
     for step in range(horizon):
         streams = [generator(keys[index], Purpose.ACTION, step) for index in live]
@@ -78,8 +78,13 @@ def collect_slots(
         live = live[unfinished]
         if len(live) == 0:
             break
-        observations = result.observations[unfinished].astype(np.float32)
+        observations = _as_streamed(result.observations[unfinished])
     trajectories = [episode.trajectory() for episode in episodes]
     return [
         trajectories[start : start + episodes_per_slot] for start in range(0, len(keys), episodes_per_slot)
     ]
+
+
+def _as_streamed(observations: AnyArray) -> AnyArray:
+    """Return observations in the type that they travel in: frames as they are, states as float32."""
+    return observations if observations.dtype == np.uint8 else observations.astype(np.float32)

@@ -6,7 +6,7 @@ import threading
 from taskschema.bus.lease import Lease
 from taskschema.bus.worker_bus import WorkerBus
 from taskschema.errors import BusError
-from taskschema.policies import Policy
+from taskschema.policies import policy_of
 from taskschema.tasks.registry import task_of
 from taskschema.trajectory import Trajectory
 from taskschema_worker.environments import make_environment
@@ -32,7 +32,7 @@ class Worker:
         self._bus = bus
         self._config = bus.join()
         self._task = task_of(self._config)
-        self._environment = make_environment(self._task, threads)
+        self._environment = make_environment(self._task, threads, self._config.observation)
         self._undelivered: list[tuple[Lease, list[Trajectory]]] = []
 
     def run(self, stop: threading.Event) -> None:
@@ -62,7 +62,7 @@ class Worker:
         leases = self._bus.lease(block_ms)
         if not leases:
             return 0
-        policy = Policy(self._bus.policy(leases[0]), self._task.pairs, self._task.observation)
+        policy = policy_of(self._config, self._task, self._bus.policy(leases[0]))
         trajectories = collect_slots(
             self._environment,
             policy,

@@ -55,7 +55,7 @@ class LearnerBus:
         self._run = run
         self._config = config
         self._keys = RunKeys(run)
-        self._format = TrajectoryFormat.of(task_of(config), config.episodes_per_slot)
+        self._format = TrajectoryFormat.of(task_of(config), config)
         self._token = 0
         self._door = self._new_door(0, (), "")
         self._quarantine = Quarantine(self._fenced, self._keys)

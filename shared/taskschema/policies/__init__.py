@@ -1,6 +1,8 @@
-"""Policies: the argument network in numpy, actions, and the snapshot that travels."""
+"""Policies: the argument networks in numpy, actions, and the snapshot that travels."""
 
-from taskschema.policies.policy import Actions, Policy
+from taskschema.policies.image_policy import ImagePolicy
+from taskschema.policies.of_run import policy_of
+from taskschema.policies.policy import ActingPolicy, Actions, Policy
 from taskschema.policies.snapshot import PolicySnapshot
 
-__all__ = ["Actions", "Policy", "PolicySnapshot"]
+__all__ = ["ActingPolicy", "Actions", "ImagePolicy", "Policy", "PolicySnapshot", "policy_of"]

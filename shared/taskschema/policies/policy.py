@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -20,9 +21,27 @@ class Actions:
     pairs: IntArray
     """[N] skill pair."""
     raw: Float32Array
-    """[N, A] raw Gaussian samples in normalised units, 0 where the pair does not use the argument."""
+    """[N, A] raw Gaussian samples in normalised units, 0 where the pair does not use the argument; on images
+    [N, R], see `SpatialLayout`."""
     arguments: FloatArray
     """[N, A] the same in SI units, clipped or wrapped into the search spaces."""
+
+
+class ActingPolicy(Protocol):
+    """A policy version that acts, whatever it observes."""
+
+    @property
+    def snapshot(self) -> PolicySnapshot:
+        """The version."""
+        ...
+
+    def act(self, observations: AnyArray, step: int, generators: Sequence[np.random.Generator]) -> Actions:
+        """Draw actions for N observations, all at step 0..T-1, one generator an episode."""
+        ...
+
+    def act_mean(self, observations: AnyArray, step: int) -> Actions:
+        """Return the most probable actions."""
+        ...
 
 
 class Policy:
@@ -40,7 +59,7 @@ class Policy:
         probabilities = self._pair_probabilities(output.pair_logits, len(observations), step)
         uniform = np.array([rng.random() for rng in generators])
         noise = np.stack([rng.standard_normal(self._pairs.argument_count) for rng in generators])
-        pairs = _draw(probabilities, uniform)
+        pairs = draw(probabilities, uniform)
         raw = output.mean + np.exp(output.log_std) * noise.astype(np.float32)
         return self._actions(pairs, raw)
 
@@ -60,7 +79,7 @@ class Policy:
         return Actions(pairs, used, self._pairs.to_si(used))
 
 
-def _draw(probabilities: FloatArray, uniform: FloatArray) -> IntArray:
+def draw(probabilities: FloatArray, uniform: FloatArray) -> IntArray:
     """Invert the cumulative distribution of each row [N, |X|] at uniform [N]; never draws what has 0."""
     cumulative = probabilities.cumsum(axis=-1)
     threshold = uniform * cumulative[:, -1]

@@ -16,7 +16,12 @@ from taskschema.skills.argument import Argument
 from taskschema.skills.skill import Skill
 
 APPROACH = 0.16
-"""[m] that the hand travels at the end, in its final orientation, level and straight away from its base."""
+"""[m] that the hand at least travels at the end, in its final orientation, level, straight from its base."""
+CLEARANCE = 0.2
+"""[m] from the object's centre towards the base: on the near side of it hands turn and move in the joints."""
+NEUTRAL = (-0.45, -1.318, 0.0, 2.525, 0.0, 0.363, 1.27)
+"""[rad] joints from which poses are solved: elbow up, wrist in the middle of its range. A solution near them
+keeps the elbow off the table; one near the present joints may inherit an elbow that hangs beside it."""
 WAYPOINTS = 5
 """Poses on that line, both of its ends among them."""
 SPEED = 0.25
@@ -26,11 +31,13 @@ ACCELERATION = 1.0
 
 
 class GoToPose(Skill):
-    """Turn the hand beside its goal, on the robot's own side of it, then bring it there in a straight line.
+    """Withdraw from the object, turn on the robot's own side of it, then come to the goal in a straight line.
 
-    The hand's position counts before its orientation: one that would be in the table is tilted, and only
-    then raised. The gripper is symmetric, so of an orientation and its half turn the nearer one is taken.
-    Something in the way is pushed, or, where it does not give way, pressed with the servos' force.
+    Its posture at the goal is the one near a neutral posture: the same arguments mean the same posture,
+    whatever the arm did before. The gripper is symmetric, so of an orientation and its half turn the one
+    nearer to that is taken. The hand's position counts before its orientation: one that would be in the table
+    is tilted, and only then raised. Something in the way is pushed, or, where it does not give way, pressed
+    with the servos' force.
     """
 
     name: ClassVar[str] = "go_to_pose"
@@ -44,7 +51,9 @@ class GoToPose(Skill):
         Argument("pitch", "rad", 0.0, 2.0 * np.pi, "second turn, about the world's y axis", periodic=True),
         Argument("yaw", "rad", 0.0, 2.0 * np.pi, "third turn, about the world's z axis", periodic=True),
     )
-    start_state: ClassVar[str] = "Any; the hand moves in the joints to beside its goal, not around obstacles."
+    start_state: ClassVar[str] = (
+        "Any; the hand withdraws level, and moves in the joints to before its goal, not around obstacles."
+    )
     end_state: ClassVar[str] = (
         "End effector at the pose, or held back on its way and pressing, which lift and no-op keep up; "
         "gripper set-point unchanged; arm at rest."
@@ -56,17 +65,20 @@ class GoToPose(Skill):
         target = context.object_position + arguments[:, :3]
         quaternion = roll_pitch_yaw_quaternion(arguments[:, 3:])
         rotation = np.stack([rotate(quaternion, axis) for axis in np.eye(3)], axis=2)
-        rotation = _nearer_half_turn(context, tilted_clear(rotation, target[:, 2]))
+        neutral = np.tile(NEUTRAL, (len(target), 1))
+        rotation = _nearer_half_turn(context, neutral, tilted_clear(rotation, target[:, 2]))
         target[:, 2] = np.maximum(target[:, 2], least_height(rotation))
-        back = context.arm.base_position[..., :2] - target[:, :2]
-        distance = np.sqrt(back[:, 0] * back[:, 0] + back[:, 1] * back[:, 1])
+        towards_base = _unit(context.arm.base_position[..., :2] - target[:, :2])
+        ahead = _along(target[:, :2] - context.object_position[:, :2], towards_base)
+        approach = np.maximum(APPROACH, CLEARANCE - ahead)
         start = target.copy()
-        start[:, :2] += back * (APPROACH / distance)[:, None]
-        beside = solve_inverse(context.arm, start, rotation, context.joints).joints
+        start[:, :2] += towards_base * approach[:, None]
+        away = _withdrawn(context, towards_base)
+        beside = solve_inverse(context.arm, start, rotation, neutral).joints
         goal = solve_inverse(context.arm, target, rotation, beside).joints
         waypoints = joints_along_line(context.arm, (beside, goal), (start, target), rotation, WAYPOINTS)
-        way = np.stack([context.joints, beside], axis=1)
-        line = np.full((len(target), WAYPOINTS - 1), APPROACH / (WAYPOINTS - 1))
+        way = np.stack([context.joints, away, beside], axis=1)
+        line = np.repeat(approach[:, None] / (WAYPOINTS - 1), WAYPOINTS - 1, axis=1)
         return fastest_path(context.arm, way, context.opening).then(
             fastest_path(
                 context.arm,
@@ -79,9 +91,32 @@ class GoToPose(Skill):
         )
 
 
-def _nearer_half_turn(context: PlanningContext, rotation: FloatArray) -> FloatArray:
-    """Turn hands [N, 3, 3] by half a turn about their own z axis where that is nearer to the present one."""
-    _, present = context.arm.forward(context.joints)
+def _withdrawn(context: PlanningContext, towards_base: FloatArray) -> FloatArray:
+    """Return joint angles [N, 7] clear of the object, level back from the present pose if that is not."""
+    position, rotation = context.arm.forward(context.joints)
+    ahead = _along(position[:, :2] - context.object_position[:, :2], towards_base)
+    near = np.flatnonzero(ahead < CLEARANCE)
+    joints = context.joints.copy()
+    if len(near):
+        target = position[near]
+        target[:, :2] += towards_base[near] * (CLEARANCE - ahead[near])[:, None]
+        joints[near] = solve_inverse(context.arm.rows(near), target, rotation[near], joints[near]).joints
+    return joints
+
+
+def _unit(vector: FloatArray) -> FloatArray:
+    """Return level vectors [N, 2] at length 1."""
+    return np.asarray(vector / np.sqrt(_along(vector, vector))[:, None])
+
+
+def _along(vector: FloatArray, direction: FloatArray) -> FloatArray:
+    """Return dot products [N] of level vectors [N, 2]."""
+    return np.asarray(vector[:, 0] * direction[:, 0] + vector[:, 1] * direction[:, 1])
+
+
+def _nearer_half_turn(context: PlanningContext, joints: FloatArray, rotation: FloatArray) -> FloatArray:
+    """Turn hands [N, 3, 3] half a turn about their own z axis where that is nearer to those of `joints`."""
+    _, present = context.arm.forward(joints)
     alike = np.zeros(len(rotation))
     for row in range(3):
         for column in (0, 1):

@@ -9,6 +9,7 @@ from taskschema.arrays import AnyArray, BoolArray, FloatArray
 from taskschema.errors import UnknownNameError
 from taskschema.skills.argument import Argument
 from taskschema.skills.skill import Skill
+from taskschema.skills.table_space import TableRectangle, table_arguments
 
 ARMS = ("left", "right")
 
@@ -18,20 +19,26 @@ class PairSpace:
 
     Pair `i` is `(skills[i // S], skills[i % S])`, left arm first, for S skills. The argument vector holds
     the left arm's arguments, skill by skill, then the right arm's: A entries in all.
+
+    With a `table`, locations are absolute ones on it, as where the object's pose is not known.
     """
 
-    def __init__(self, skills: Sequence[Skill]) -> None:
+    def __init__(self, skills: Sequence[Skill], table: TableRectangle | None = None) -> None:
         self.skills = tuple(skills)
+        self.skill_arguments: tuple[tuple[Argument, ...], ...] = tuple(
+            skill.arguments if table is None else table_arguments(skill, table) for skill in self.skills
+        )
+        """The arguments of each skill, in the order of `skills`."""
         names = [skill.name for skill in self.skills]
         self.pairs: tuple[tuple[str, str], ...] = tuple((left, right) for left in names for right in names)
         self.arguments: tuple[Argument, ...] = tuple(
-            argument for _ in ARMS for skill in self.skills for argument in skill.arguments
+            argument for _ in ARMS for arguments in self.skill_arguments for argument in arguments
         )
         self.argument_names: tuple[str, ...] = tuple(
             f"{arm}.{skill.name}.{argument.name}"
             for arm in ARMS
-            for skill in self.skills
-            for argument in skill.arguments
+            for skill, arguments in zip(self.skills, self.skill_arguments, strict=True)
+            for argument in arguments
         )
 
     def __len__(self) -> int:
@@ -71,7 +78,7 @@ class PairSpace:
 
     def columns(self, arm: int, skill: int) -> slice:
         """Return where the arguments of skill number `skill` of arm 0 or 1 stand in the vector."""
-        sizes = [len(item.arguments) for item in self.skills]
+        sizes = [len(arguments) for arguments in self.skill_arguments]
         start = arm * sum(sizes) + sum(sizes[:skill])
         return slice(start, start + sizes[skill])
 

@@ -24,8 +24,6 @@ class HingeTask(SceneTask):
     """
 
     object_joints: ClassVar[tuple[str, ...]] = ("hinge",)
-    location_range: ClassVar[tuple[float, float]]
-    """The object is drawn uniformly within +- these distances from the table's centre along x and y [m]."""
     scale_range: ClassVar[tuple[float, float]]
     """Factor on all its lengths, drawn uniformly."""
     hinge_goal: ClassVar[float]

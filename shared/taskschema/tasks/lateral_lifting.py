@@ -40,6 +40,7 @@ class LateralLifting(SceneTask):
         "lift a heavy, long bar of varied place and density by 25 cm with both arms, keeping its orientation"
     )
     paper_schema = (("top_grasp", "top_grasp"), ("lift", "lift"))
+    location_range = LOCATION_RANGE
 
     @cached_property
     def pairs(self) -> PairSpace:

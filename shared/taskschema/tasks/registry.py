@@ -10,6 +10,7 @@ from taskschema.tasks.task import Task
 
 _TASKS: dict[str, tuple[str, str]] = {
     "lateral-lifting": ("taskschema.tasks.lateral_lifting", "LateralLifting"),
+    "picking": ("taskschema.tasks.picking", "Picking"),
     "opening": ("taskschema.tasks.opening", "Opening"),
     "rotating": ("taskschema.tasks.rotating", "Rotating"),
     "toy": ("taskschema.tasks.toy", "Toy"),

@@ -41,6 +41,8 @@ HINGE_FRICTION = 0.05
 
 EXPERT_APPROACH = 0.8
 """[rad] approach angle of the expert's side grasp."""
+EXPERT_POSE_HEIGHT = 0.045
+"""Of the expert's go-to poses above the object's centre, at scale 1 [m]: level with the handle."""
 
 
 class Rotating(HingeTask):
@@ -59,6 +61,7 @@ class Rotating(HingeTask):
     orientation_tolerance: ClassVar[float] = 0.35
 
     side_grasp_height: ClassVar[float] = 0.06 / CORKSCREW_SIZE[2] - 0.5
+    pose_height: ClassVar[float] = EXPERT_POSE_HEIGHT / CORKSCREW_SIZE[2]
 
     @cached_property
     def pairs(self) -> PairSpace:
@@ -115,7 +118,7 @@ class Rotating(HingeTask):
             pose = self.pairs.columns(arm, 1).start
             arguments[:, pose] = side * 0.063 * scale
             arguments[:, pose + 1] = side * 0.077 * scale
-            arguments[:, pose + 2] = 0.045 * scale
+            arguments[:, pose + 2] = EXPERT_POSE_HEIGHT * scale
             arguments[:, pose + 3] = np.pi
             arguments[:, pose + 5] = (1.75 if arm == 0 else 0.75) * np.pi
             arguments[:, self.pairs.columns(arm, 2).stop - 1] = 0.077 * scale

@@ -60,7 +60,9 @@ class SceneTask(Task):
     """Where a grasp from above takes the object: above its centre, as a share of its height."""
     side_grasp_height: ClassVar[float] = 0.0
     """Where a grasp from the side takes the object: above its centre, as a share of its height."""
-
+    pose_height: ClassVar[float] = 0.0
+    """Where a go-to pose without a height of its own goes: above the object's centre, as a share of its
+    height. Policies on images name a place on the table, and no height."""
     lift_speed: ClassVar[float] = 0.45
     """At which arms lift [m/s]."""
 

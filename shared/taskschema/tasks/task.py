@@ -9,8 +9,11 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from taskschema.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from taskschema.config import ObservationKind
+from taskschema.frames import Frames
 from taskschema.observation import ObservationLayout
 from taskschema.skills.pairs import PairSpace
+from taskschema.skills.table_space import TableRectangle
 
 Schema = tuple[tuple[str, str], ...]
 """One (left skill, right skill) per step, at most T of them."""
@@ -20,8 +23,9 @@ Schema = tuple[tuple[str, str], ...]
 class StepResult:
     """What one step (one skill pair, both arms at once) led to, for the M episodes stepped."""
 
-    observations: FloatArray
-    """[M, D] in SI units, as `Task.observation` lays out."""
+    observations: AnyArray
+    """[M, D] in SI units, as `Task.observation` lays out; or frames [M, 256, 256, 3], arbitrary where the
+    episode is over."""
     success: BoolArray
     """[M] whether the goal was reached during or at the end of the step."""
     diverged: BoolArray
@@ -33,8 +37,8 @@ class StepResult:
 class BatchEnvironment(Protocol):
     """N episodes of one task, stepped together; each one's result does not depend on the others."""
 
-    def reset(self, generators: Sequence[np.random.Generator]) -> FloatArray:
-        """Start one episode per generator and return observations [N, D]; drops the episodes before."""
+    def reset(self, generators: Sequence[np.random.Generator]) -> AnyArray:
+        """Start one episode per generator and return observations [N, ...]; drops the episodes before."""
         ...
 
     def step(self, episodes: IntArray, pairs: IntArray, arguments: FloatArray) -> StepResult:
@@ -43,6 +47,22 @@ class BatchEnvironment(Protocol):
 
     def close(self) -> None:
         """Free threads and memory."""
+        ...
+
+
+class SeenEnvironment(BatchEnvironment, Protocol):
+    """An environment that an overhead camera looks at."""
+
+    def frames(self, episodes: IntArray) -> Frames:
+        """Return what the camera sees of M episodes: [M, 256, 256, 3]."""
+        ...
+
+    def pose_anchors(self, episodes: IntArray) -> FloatArray:
+        """Return [M, 3] what turns a location on the table into what skills are planned from.
+
+        The object's centre along x and y in the world frame, which offsets are from, and how far above that
+        centre a go-to pose without a height of its own goes [m].
+        """
         ...
 
 
@@ -64,6 +84,11 @@ class Task(ABC):
     paper_schema: ClassVar[Schema]
     """The schema that the paper found (Table I), or the known optimum of a task of one's own."""
 
+    location_range: ClassVar[tuple[float, float]] = (0.0, 0.0)
+    """The object's centre is drawn within +- these distances from the table's centre along x and y [m]."""
+    table_view: ClassVar[float] = 0.8
+    """Edge length of the square of table top, about its centre, that the overhead camera sees [m]."""
+
     @property
     @abstractmethod
     def pairs(self) -> PairSpace:
@@ -73,6 +98,20 @@ class Task(ABC):
     @abstractmethod
     def observation(self) -> ObservationLayout:
         """The fields of the state observation."""
+
+    @cached_property
+    def table(self) -> TableRectangle:
+        """Where on the table skills may be told to act if the object's pose is not known."""
+        return TableRectangle.around(self.location_range)
+
+    @cached_property
+    def image_pairs(self) -> PairSpace:
+        """The same skill pairs with the search spaces of images: locations on the table."""
+        return PairSpace(self.pairs.skills, self.table)
+
+    def seen_pairs(self, observation: ObservationKind) -> PairSpace:
+        """Return the pairs with the search spaces that policies on this kind of observation act in."""
+        return self.image_pairs if observation == "image" else self.pairs
 
     @cached_property
     def paper_pairs(self) -> IntArray:

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from taskschema.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from taskschema.frames import FRAME_SHAPE, FRAME_SIZE, Frames
 from taskschema.observation import ObservationField, ObservationLayout
 from taskschema.skills.argument import Argument
 from taskschema.skills.pairs import PairSpace
@@ -18,6 +19,14 @@ from taskschema.tasks.task import StepResult, Task
 
 TOLERANCE = 0.04
 """Largest distance of a reach from its handle that still holds it [m]."""
+VIEW = 0.26
+"""Edge length of the square that frames show [m]."""
+WOOD = (219, 199, 168)
+"""Colour of the table."""
+HANDLE_COLOURS = ((170, 30, 30), (30, 30, 170))
+"""Of the left and the right handle."""
+HANDLE_WIDTH = 0.024
+"""[m]"""
 GOAL_HEIGHT = 0.25
 """Height to which both ends must be raised [m]."""
 
@@ -92,6 +101,14 @@ class ToyEnvironment:
         no_physics = np.zeros(len(episodes), dtype=np.int64)
         return StepResult(self._observe(episodes), success, no_physics.astype(bool), no_physics)
 
+    def frames(self, episodes: IntArray) -> Frames:
+        """Draw each episode's handles on a wooden table: left red, right blue, half as wide when held."""
+        return np.stack([_drawn(self._handles[index], self._holding[index]) for index in episodes])
+
+    def pose_anchors(self, episodes: IntArray) -> FloatArray:
+        """Return zeros [M, 3]: the bar's centre is the table's."""
+        return np.zeros((len(episodes), 3))
+
     def close(self) -> None:
         """Nothing to free."""
 
@@ -102,12 +119,24 @@ class ToyEnvironment:
         return np.concatenate([handles, self._holding[episodes].astype(float), timestep], axis=1)
 
 
+def _drawn(handles: FloatArray, holding: BoolArray) -> Frames:
+    """Return the frame [256, 256, 3] of two handles [2, 2] in metres, each held or not [2]."""
+    frame = np.full(FRAME_SHAPE, WOOD, dtype=np.uint8)
+    places = (np.arange(FRAME_SIZE) + 0.5) / FRAME_SIZE * VIEW - 0.5 * VIEW
+    for handle, held, colour in zip(handles, holding, HANDLE_COLOURS, strict=True):
+        width = 0.5 * HANDLE_WIDTH * (0.5 if held else 1.0)
+        rows, columns = np.abs(-places - handle[1]) <= width, np.abs(places - handle[0]) <= width
+        frame[np.ix_(rows, columns)] = colour
+    return frame
+
+
 class Toy(Task):
     """Two hands reach for the handles of a bar and raise it together."""
 
     name = "toy"
     family = "toy"
     summary = "Reach for both handles of a bar, then raise it by 25 cm with both hands; no physics."
+    table_view = VIEW
     paper_schema = (("reach", "reach"), ("raise", "raise"))
 
     @cached_property

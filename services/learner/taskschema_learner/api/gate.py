@@ -1,5 +1,6 @@
 """Refusing what `Access` does not allow, and what comes too often, before anything else looks at it."""
 
+from limits import RateLimitItem
 from limits.aio.storage import MemoryStorage
 from limits.aio.strategies import FixedWindowRateLimiter
 from starlette.datastructures import Headers
@@ -8,7 +9,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from taskschema_learner.api.access import Access, bearer_token
 from taskschema_learner.api.rates import Rates
-from taskschema_learner.api.scopes import CONTROL, Need
+from taskschema_learner.api.scopes import Need
 from taskschema_learner.api.tokens import TOKEN_VARIABLE
 
 NO_TOKEN = (
@@ -36,24 +37,27 @@ class Gate:
         client = scope["client"][0] if scope.get("client") else ""
         need = self._access.need(scope["method"], scope["path"])
         if not await self._limiter.hit(self._rates.requests, "requests", client):
-            return self._too_often(f"more than {self._rates.requests} requests")
+            return _too_often(self._rates.requests, "requests")
         if not need:
             return None
         if not await self._limiter.test(self._rates.failures, "failures", client):
-            return self._too_often(f"more than {self._rates.failures} tokens that are wrong")
+            return _too_often(self._rates.failures, "wrong tokens")
         authorization = Headers(scope=scope).get("authorization")
         status = self._access.status(need, authorization)
         if status == 200:
-            if need == CONTROL and not await self._limiter.hit(self._rates.changes, "changes", client):
-                return self._too_often(f"more than {self._rates.changes} changes")
+            changes = "read" not in need
+            if changes and not await self._limiter.hit(self._rates.changes, "changes", client):
+                return _too_often(self._rates.changes, "changes")
             return None
         if status == 401 and bearer_token(authorization):
             await self._limiter.hit(self._rates.failures, "failures", client)
         return _refused(status, need)
 
-    def _too_often(self, what: str) -> JSONResponse:
-        line = f"This address sent {what}: wait, and try again."
-        return JSONResponse({"detail": line}, status_code=429, headers={"Retry-After": "1"})
+
+def _too_often(limit: RateLimitItem, what: str) -> JSONResponse:
+    line = f"This address sent more than {limit.amount} {what} in {limit.get_expiry()} s: wait and try again."
+    headers = {"Retry-After": str(limit.get_expiry())}
+    return JSONResponse({"detail": line}, status_code=429, headers=headers)
 
 
 def _refused(status: int, need: Need) -> JSONResponse:

@@ -100,9 +100,10 @@ def export(
         trajectories = held_out_episodes(folder, newest_policy(folder), episodes, mean=mean)
         source = "held-out episodes of the newest policy"
     else:
-        from taskschema_learner.recomputation import recompute
+        from taskschema_learner.recomputation import published_trunk, recompute
 
-        trajectories = [item for each in recompute(folder.config, rounds) for item in each.trajectories]
+        again = recompute(folder.config, rounds, published_trunk(folder))
+        trajectories = [item for each in again for item in each.trajectories]
         source = f"training episodes of the first {rounds} rounds, computed again"
-    write_trajectories(output, task_of(folder.config), trajectories)
+    write_trajectories(output, task_of(folder.config), trajectories, folder.config.observation)
     print(f"{output}: {len(trajectories)} {source}")

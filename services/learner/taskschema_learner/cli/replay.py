@@ -22,6 +22,10 @@ def replay(
     expert: Annotated[
         str | None, typer.Option(metavar="TASK", help="Show a task's scripted expert instead of a run.")
     ] = None,
+    task_file: Annotated[
+        str | None,
+        typer.Option(metavar="FILE:CLASS", help="Show the scripted expert of a task of your own."),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="File: .mp4, .gif or .png (the last frame). Default: NAME.mp4."),
@@ -46,17 +50,24 @@ def replay(
     Shows a run's newest policy on instances it was not trained on, or how a task is solved: --expert TASK.
     """
     from taskschema.errors import ConfigError, UnknownNameError
-    from taskschema.tasks.registry import get_task, task_of
+    from taskschema.tasks.registry import get_task, load_task_source, read_task_file, task_of
     from taskschema_learner.replay.film import frame_rate
 
-    if (run is None) == (expert is None):
-        raise ConfigError("Name a RUN, or a task with --expert TASK (see `taskschema tasks`), one of both.")
+    if [run, expert, task_file].count(None) != 2:
+        raise ConfigError("Name one of: a RUN; a task, --expert TASK; your own, --task-file FILE:CLASS.")
     if camera not in CAMERAS:
         raise UnknownNameError("camera", camera, CAMERAS)
     if width % 2 or height % 2:
         raise ConfigError(f"A film's width and height are even numbers; got {width} x {height}.")
     folder = None if run is None else find_run(run)
-    path = out or Path(f"{expert}-expert.mp4" if folder is None else f"{folder.name}.mp4")
+    if folder is not None:
+        task, name = task_of(folder.config), folder.name
+    elif task_file is not None:
+        task = load_task_source(*read_task_file(task_file))
+        name = f"{task.name}-expert"
+    else:
+        task, name = get_task(expert or ""), f"{expert}-expert"
+    path = out or Path(f"{name}.mp4")
     rate = frame_rate(path)
 
     from taskschema_learner.replay.film import write_film
@@ -64,14 +75,14 @@ def replay(
     from taskschema_learner.replay.replay import Look, draw_episodes
     from taskschema_worker.rendering.backend import working_backend
 
-    task = scene_of(get_task(expert or "") if folder is None else task_of(folder.config))
+    scene = scene_of(task)
     working_backend()  # says what is missing before anything takes long
     if folder is None:
-        shown = expert_episodes(task, episodes, seed)
+        shown = expert_episodes(scene, episodes, seed)
         title = f"{task.name.replace('-', ' ')}, scripted expert"
     else:
         shown = run_episodes(folder, episodes, mean=not sampled)
         title = f"{folder.name}, policy version {folder.read_schema().version}"
     look = Look(camera, width, height, step)
-    write_film(path, draw_episodes(task, shown, rate, look, title))
+    write_film(path, draw_episodes(scene, shown, rate, look, title))
     print(f"{path}: {len(shown)} episodes, {sum(item.success for item in shown)} solved")

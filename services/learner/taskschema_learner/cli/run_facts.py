@@ -38,6 +38,7 @@ def schema(
     from rich.console import Console
 
     from taskschema.tasks.registry import task_of
+    from taskschema_learner.schema_explanation import explain
     from taskschema_learner.schema_report import compare, schema_words
     from taskschema_learner.schema_table import schema_table
 
@@ -48,12 +49,15 @@ def schema(
     if as_json:
         print_json(document)
         return
-    comparison = compare(task_of(folder.config), document.best)
+    task = task_of(folder.config)
+    comparison = compare(task, document.best)
     if not compare_paper:
         console = Console()
         console.print(schema_table(document.best))
         console.print(f"{document.task}, policy version {document.version}, {document.updated_at}")
     print(f"Schema found: {schema_words(comparison.found)}; {comparison.sentence}.")
+    if compare_paper:
+        print("\n".join(explain(task, comparison)))
 
 
 def _export(folder: "RunFolder", path: Path) -> None:

@@ -29,6 +29,8 @@ def train(
     task_file: option.TaskFile = None,
     policy: option.Policy = "schema",
     observation: option.Observation = "state",
+    trunk: option.Trunk = "small",
+    vgg_weights: option.VggWeights = None,
     seed: option.Seed = 0,
     slots: option.Slots = 50,
     init_schema: option.InitSchema = None,
@@ -56,6 +58,7 @@ def train(
     """
     from taskschema.errors import ConfigError
     from taskschema_learner.api.transport import Tls
+    from taskschema_learner.cli.trunk import first_weights_sentence, read_trunk, with_trunk
 
     if ray is not None and redis is None:
         raise ConfigError("--ray needs --redis: a cluster's workers cannot reach the Redis inside this run.")
@@ -69,8 +72,11 @@ def train(
         run_dir, config = folder.path, folder.config
     else:
         config = _new_config(task, task_file, agent)
-    config = _with_options(config, given)
     tls = Tls.of(api_tls_cert, api_tls_key)
+    first_trunk = read_trunk(vgg_weights)
+    config = with_trunk(_with_options(config, given), given.get("trunk"), first_trunk)
+    if config.observation == "image" and not resume:
+        print(first_weights_sentence(config, vgg_weights))
 
     # These need torch, which takes seconds to import: what is wrong with the options shows before.
     from taskschema_learner.composition import TrainOptions
@@ -88,6 +94,7 @@ def train(
             api=None if api == "none" else api,
             api_tls=tls,
             device=device,
+            trunk=first_trunk and first_trunk.weights,
             agent=_agent_kind(agent),
         ),
         log_format,
@@ -168,8 +175,6 @@ def _with_options(config: "RunConfig", given: Mapping[str, Any]) -> "RunConfig":
     for name, kinds in (("policy", PolicyKind), ("observation", ObservationKind)):
         if name in changes and changes[name] not in get_args(kinds):
             raise UnknownNameError(name, changes[name], get_args(kinds))
-    if changes.get("observation") == "image":
-        raise ConfigError("--observation image is not there yet: use --observation state.")
     if "task_file" in given:
         changes["task"], changes["task_source"] = read_task_file(given["task_file"])
     schema: dict[str, Any] = {}

@@ -25,6 +25,22 @@ Policy = Annotated[
 Observation = Annotated[
     str, typer.Option(metavar="state|image", help="What the policy sees.", rich_help_panel=_LEARN)
 ]
+Trunk = Annotated[
+    str,
+    typer.Option(
+        metavar="small|vgg16",
+        help="With images: a small trunk trained from scratch, or the paper's VGG16, frozen.",
+        rich_help_panel=_LEARN,
+    ),
+]
+VggWeights = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="torchvision's published weights of VGG16 (.pth or .safetensors); implies --trunk vgg16.",
+        rich_help_panel=_LEARN,
+    ),
+]
 Seed = Annotated[
     int, typer.Option(help="A run's results follow from its config and seed.", rich_help_panel=_LEARN)
 ]

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from taskschema import __version__
+from taskschema.bus.url import hide_password
 from taskschema.errors import TaskschemaError
 from taskschema_robot.cli import calibrate, check, fault, run, twin
 
@@ -32,6 +33,7 @@ def _options(
 
 def main() -> None:
     """Run the command; an error that the user can mend is one line on stderr and exit status 1."""
+    hide_password()
     arguments = sys.argv[1:]
     debug = "--debug" in arguments
     try:

@@ -55,6 +55,7 @@ class BridgeConnection:
         self._calls: dict[str, asyncio.Future[Json]] = {}
         self._numbers = itertools.count()
         self._reader: asyncio.Task[None] | None = None
+        self._sending: set[asyncio.Task[None]] = set()
         self._awaited: tuple[int, threading.Event] | None = None
         self.frames_sent = 0
         """Frames given to the network so far, or about to be."""
@@ -102,6 +103,12 @@ class BridgeConnection:
         Raises:
             NotConnectedError: if the connection is down, or the network does not take it at once.
         """
+        if self._ping_seconds is None and self._socket is not None and self.is_open:
+            # In lock-step the twin waits for every frame that was counted: no need to wait for the network.
+            input_output().loop.call_soon_threadsafe(
+                self._start_sending, self._socket, self._count(operation)
+            )
+            return
         text = msgspec.json.encode(operation).decode()
         try:
             input_output().run(self._send(text), SEND_SECONDS)
@@ -118,11 +125,17 @@ class BridgeConnection:
 
     def send_soon(self, operation: Json) -> None:
         """Send an operation from the input-output thread itself; if the connection is down, not at all."""
-        if self._socket is None or not self.is_open:
-            return
-        text = msgspec.json.encode(operation).decode()
+        if self._socket is not None and self.is_open:
+            self._start_sending(self._socket, self._count(operation))
+
+    def _count(self, operation: Json) -> str:
         self.frames_sent += 1
-        asyncio.get_running_loop().create_task(self._send_quietly(self._socket, text))
+        return msgspec.json.encode(operation).decode()
+
+    def _start_sending(self, connection: ClientConnection, text: str) -> None:
+        task = asyncio.get_running_loop().create_task(self._send_quietly(connection, text))
+        self._sending.add(task)
+        task.add_done_callback(self._sending.discard)
 
     async def _send(self, text: str) -> None:
         if self._socket is None:

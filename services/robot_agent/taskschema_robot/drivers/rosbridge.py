@@ -1,6 +1,5 @@
 """A Sawyer behind rosbridge."""
 
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +11,7 @@ from taskschema.kinematics.sawyer import sawyer
 from taskschema_robot import sawyer_interface as interface
 from taskschema_robot.clock import Clock
 from taskschema_robot.drivers.bridge_connection import BridgeConnection
+from taskschema_robot.drivers.command_guard import CommandGuard, why_not_ready
 from taskschema_robot.drivers.driver import ArmState, GripperState
 from taskschema_robot.drivers.repeated_command import REPEAT_SECONDS, RepeatedCommand
 from taskschema_robot.drivers.sawyer_messages import (
@@ -22,21 +22,16 @@ from taskschema_robot.drivers.sawyer_messages import (
     read_wrench,
     signal_command,
 )
-from taskschema_robot.drivers.setpoints import SetpointCheck
-from taskschema_robot.errors import EffectTimeoutError, NotConnectedError, NotReadyError, StaleStateError
+from taskschema_robot.errors import EffectTimeoutError, NotConnectedError, NotReadyError
 
 Json = dict[str, Any]
 
-STALE_SECONDS = 0.1
-"""Age of the joint state above which no set-point is sent [s]."""
 LINK_SECONDS = 0.5
 """From advertising until commands pass without delay [s]: the bridge's own connections take 0.3 s."""
 EFFECT_SECONDS = 5.0
 """How long a switch may take to show its effect [s], as in the vendor's SDK."""
 CALIBRATION_SECONDS = 15.0
 POLL_SECONDS = 0.02
-FORGET_SECONDS = 0.2
-"""After a pause this long the measured angles stand for the last set-point [s]."""
 ENDPOINT_MILLISECONDS = 20
 """Between two end-point states [ms]: 50 Hz suffice for the wrench."""
 
@@ -81,8 +76,7 @@ class RosbridgeArm:
         self.name = name
         self._address = address
         self._clock = clock
-        self._check = SetpointCheck(sawyer(), interface.JOINT_NAMES)
-        self._lock = threading.Lock()
+        self._guard = CommandGuard(name, sawyer(), clock)
         self._connection: BridgeConnection | None = None
         self._forget()
 
@@ -93,7 +87,7 @@ class RosbridgeArm:
         self._assembly: Json | None = None
         self._signals: Json | None = None
         self._acknowledged: list[Json] = []
-        self._setpoint: tuple[float, FloatArray] | None = None
+        self._guard.forget()
         self._stopping: RepeatedCommand | None = None
         self._gripping: RepeatedCommand | None = None
         self._last_signal_time = 0.0
@@ -175,18 +169,10 @@ class RosbridgeArm:
 
     def command(self, positions: FloatArray) -> None:
         """Send one set-point; see `ArmDriver`."""
-        connection, state, now = self._require_connection(), self.state(), self._clock.now()
-        if now - state.time > STALE_SECONDS:
-            raise StaleStateError(
-                f"{self.name}: the last joint state is {now - state.time:.2f} s old: check the network."
-            )
-        if not state.ready or self._stopping is not None:
-            raise NotReadyError(f"{self.name}: {_why_not_ready(state)}: reset it, then enable it.")
-        with self._lock:
-            recent = self._setpoint is not None and now - self._setpoint[0] < FORGET_SECONDS
-            last = self._setpoint[1] if self._setpoint is not None and recent else None
-            self._check.require(positions, last, state.positions)
-            self._setpoint = (now, np.array(positions))
+        connection, state = self._require_connection(), self.state()
+        if self._stopping is not None:
+            raise NotReadyError(f"{self.name}: it was told to stop: reset it, then enable it.")
+        self._guard.require(state, positions)
         connection.send(_publish(interface.JOINT_COMMAND, joint_command(positions)))
 
     def set_speed_ratio(self, ratio: float) -> None:
@@ -218,7 +204,7 @@ class RosbridgeArm:
 
     def stop(self) -> None:
         """Stop at once; see `ArmDriver`."""
-        self._setpoint = None
+        self._guard.forget()
         self._stopping = RepeatedCommand(
             interface.STOP, {}, lambda: bool(self._assembly and self._assembly["stopped"]), self._clock.now()
         )
@@ -240,12 +226,12 @@ class RosbridgeArm:
 
     def enable(self) -> None:
         """Switch the motors on; see `ArmDriver`."""
-        self._setpoint = None
+        self._guard.forget()
         self._switch(interface.ENABLE, {"data": True}, lambda now: now.enabled, "enable")
 
     def disable(self) -> None:
         """Switch the motors off; see `ArmDriver`."""
-        self._setpoint = None
+        self._guard.forget()
         self._switch(interface.ENABLE, {"data": False}, lambda now: not now.enabled, "disable")
 
     def close(self) -> None:
@@ -270,7 +256,7 @@ class RosbridgeArm:
             if self._clock.now() >= deadline:
                 raise EffectTimeoutError(
                     f"{self.name}: {what} shows no effect after {EFFECT_SECONDS:.0f} s:"
-                    f" {_why_not_ready(self.state())}."
+                    f" {why_not_ready(self.state())}."
                 )
             self._require_connection().send(_publish(topic, message))
             self._wait_for(lambda: shown(self.state()), REPEAT_SECONDS)
@@ -317,15 +303,3 @@ class RosbridgeArm:
 
 def _publish(topic: str, message: Json) -> Json:
     return {"op": "publish", "topic": topic, "msg": message}
-
-
-def _why_not_ready(state: ArmState) -> str:
-    if state.emergency_stop:
-        return "its emergency stop button is pressed"
-    if state.error:
-        return "it reports an error"
-    if state.stopped:
-        return "it is stopped"
-    if state.collision:
-        return "it reports a collision"
-    return "it is enabled" if state.enabled else "it is not enabled"

@@ -17,7 +17,9 @@ CLOSED_SHARE = 0.02
 MOVING_SPEED = 0.003
 """[m/s] above which the fingers count as moving."""
 AT_GOAL = 0.004
-"""[m] from the set-point within which the fingers have arrived."""
+"""[m] from the set-point within which the fingers have arrived: friction stops them short of it."""
+AT_CLOSED = 0.0008
+"""The same where they press with their full force [m]."""
 
 SIGNALS = {
     "position_m": ("input", "float"),
@@ -67,7 +69,8 @@ class ElectricGripper:
     @property
     def gripping(self) -> bool:
         """Whether the fingers stopped on something before their set-point."""
-        return not self.moving and self.position > self.target + AT_GOAL and self.calibrated
+        margin = AT_CLOSED if self.closing else AT_GOAL
+        return not self.moving and self.position > self.target + margin and self.calibrated
 
     def command(self, message: Message, now: float) -> None:
         """Take an IOComponentCommand; one that makes no sense is acknowledged and does nothing."""

@@ -1,0 +1,213 @@
+"""The spatial network in torch: the trainable twin of `taskschema.policies.spatial_network`."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from taskschema.arrays import AnyArray, Float32Array
+from taskschema.config import ImageConfig
+from taskschema.policies.network import LOG_STD_RANGE
+from taskschema.policies.spatial_layout import CELL, CELLS, OFFSET_X, SpatialLayout
+from taskschema.policies.spatial_trunk import (
+    IMAGENET_MEAN,
+    IMAGENET_STD,
+    SQUEEZED,
+    TRUNKS,
+    Convolution,
+    maps_layer,
+    squeeze_layer,
+    table_sampling,
+)
+from taskschema.skills.pairs import ARMS
+from taskschema.tasks.task import Task
+from taskschema_learner.losses import argument_terms
+from taskschema_learner.networks import bounded
+
+FRAMES_AT_ONCE = 32
+"""Frames that pass the trunk together; it bounds memory."""
+
+
+@dataclass(frozen=True)
+class SpatialEvaluation:
+    """What the network says about B frames, as tensors that carry gradients."""
+
+    response: Tensor
+    """[B, 2, 64] logits of each arm's location."""
+    mean: Tensor
+    """[B, 2, 2 + p, 64] means of the offsets and of the other arguments, cell by cell."""
+    log_std: Tensor
+    """[2, 2 + p]"""
+    value: Tensor
+    """[B] expected return."""
+    pair_logits: None = None
+    """The network never chooses the pair."""
+
+    def argument_terms(self, arguments: Tensor, used: Tensor) -> tuple[Tensor, Tensor]:
+        """Return log-density [B] and entropy [B, nat] of the mixed actions: cells and what is read there.
+
+            log p = sum_arms  u_cell log P(c)  +  sum_i u_i log N(a_i; mean_i(c), std_i)
+            H     = sum_arms  u_cell H(P)      +  sum_i u_i (log std_i + log(2 pi e) / 2)
+
+        The standard deviations are the same in all cells, so the second sum is the Gaussians' expected
+        entropy over the cells, exactly.
+
+        Args:
+            arguments: [B, R] raw actions, see `SpatialLayout`.
+            used: [B, R] 1 where the pair's skills use a number, else 0.
+
+        """
+        parts = arguments.view(len(arguments), len(ARMS), -1)
+        used_parts = used.view(parts.shape)
+        cells = parts[..., CELL].long()
+        logs = torch.log_softmax(self.response, dim=2)
+        used_cells = used_parts[..., CELL]
+        of_cells = (logs.gather(2, cells[..., None])[..., 0] * used_cells).sum(dim=1)
+        cell_entropy = (-(logs.exp() * logs).sum(dim=2) * used_cells).sum(dim=1)
+        index = cells[:, :, None, None].expand(-1, -1, self.mean.shape[2], 1)
+        mean = self.mean.gather(3, index)[..., 0].flatten(1)
+        log_std = self.log_std.flatten().expand_as(mean)
+        of_gaussians, entropy = argument_terms(
+            parts[..., OFFSET_X:].flatten(1), mean, log_std, used_parts[..., OFFSET_X:].flatten(1)
+        )
+        return of_cells + of_gaussians, cell_entropy + entropy
+
+
+class SpatialNetwork:
+    """A fully convolutional network (paper, Figure 4) with a critic on its 16 maps.
+
+    Trained parameters are views of one flat vector; a frozen trunk is not part of it.
+    """
+
+    def __init__(self, task: Task, config: ImageConfig, device: str = "cpu") -> None:
+        """Build the network with all weights zero.
+
+        Args:
+            task: what is seen and done.
+            config: which trunk.
+            device: `cpu` or `cuda`.
+
+        """
+        layout = SpatialLayout(task.image_pairs)
+        self._trunk = TRUNKS[config.trunk]
+        self._squeeze, self._maps = squeeze_layer(config.trunk), maps_layer(layout.map_count)
+        self._frozen = config.trunk_is_frozen
+        trained = [self._squeeze, self._maps] if self._frozen else [*self._trunk, self._squeeze, self._maps]
+        self._shapes = layer_shapes(trained) | head_shapes(len(layout.others))
+        sizes = [math.prod(shape) for shape in self._shapes.values()]
+        self.flat = torch.zeros(sum(sizes), device=device, requires_grad=True)
+        """[P] all trained parameters."""
+        self._fixed = {
+            name: torch.zeros(shape, device=device)
+            for name, shape in (layer_shapes(self._trunk) if self._frozen else {}).items()
+        }
+        rows, columns = table_sampling(task.table, task.table_view)
+        self._rows, self._columns = (torch.from_numpy(item).to(device) for item in (rows, columns))
+        self.trunk_passes = 0
+        """Frames that the trunk has seen so far."""
+
+    def inputs(self, observations: AnyArray) -> Tensor:
+        """Return what an update keeps of frames [B, 256, 256, 3]: a frozen trunk's maps, else the frames."""
+        frames = torch.from_numpy(np.ascontiguousarray(observations))
+        if not self._frozen:
+            return frames.to(self.flat.device)
+        with torch.no_grad():
+            parts = [self._features(part) for part in frames.split(FRAMES_AT_ONCE)]
+        return torch.cat(parts)
+
+    def __call__(self, inputs: Tensor) -> SpatialEvaluation:
+        """Run the network on what `inputs` returned, [B, ...]."""
+        parts = [self._maps_of(part) for part in inputs.split(FRAMES_AT_ONCE)]
+        squeezed, maps = (torch.cat(tensors) for tensors in zip(*parts, strict=True))
+        weights, arms, count = self._views(), len(ARMS), len(inputs)
+        flat = maps.flatten(2)
+        offsets = flat[:, arms : 3 * arms].reshape(count, arms, 2, CELLS)
+        others = flat[:, 3 * arms :].reshape(count, arms, -1, CELLS)
+        value = functional.linear(squeezed.flatten(1), weights["value.weight"], weights["value.bias"])
+        return SpatialEvaluation(
+            response=flat[:, :arms],
+            mean=torch.cat([offsets, others], dim=2),
+            log_std=bounded(weights["log_std"], *LOG_STD_RANGE),
+            value=value[:, 0],
+        )
+
+    def _maps_of(self, inputs: Tensor) -> tuple[Tensor, Tensor]:
+        """Return 16 maps of 8 x 8 of some frames, or of their features, and the 2 + 4 + 2p made of them."""
+        features = inputs if self._frozen else self._features(inputs)
+        weights = self._views()
+        sampled = self._rows @ features @ self._columns.T
+        squeezed = _convolve(sampled, self._squeeze, weights).relu()
+        return squeezed, _convolve(squeezed, self._maps, weights)
+
+    def _features(self, frames: Tensor) -> Tensor:
+        """Return the trunk's maps [B, C, 16, 16] of frames [B, 256, 256, 3]."""
+        self.trunk_passes += len(frames)
+        weights = self._fixed if self._frozen else self._views()
+        pixels = frames.to(self.flat).permute(0, 3, 1, 2) / 255.0
+        mean, std = (pixels.new_tensor(item).view(1, 3, 1, 1) for item in (IMAGENET_MEAN, IMAGENET_STD))
+        hidden = (pixels - mean) / std
+        for layer in self._trunk:
+            hidden = _convolve(hidden, layer, weights).relu()
+            if layer.pooled:
+                hidden = functional.max_pool2d(hidden, 2)
+        return hidden
+
+    def _views(self) -> dict[str, Tensor]:
+        """Return the trained parameters by name, as views of `flat`."""
+        sizes = [math.prod(shape) for shape in self._shapes.values()]
+        parts = self.flat.split(sizes)
+        return {
+            name: part.view(shape) for part, (name, shape) in zip(parts, self._shapes.items(), strict=True)
+        }
+
+    def _named(self) -> dict[str, Tensor]:
+        return {name: view.detach() for name, view in (self._fixed | self._views()).items()}
+
+    def weights(self) -> dict[str, Float32Array]:
+        """Return copies of all weights by name, as `taskschema.policies.SpatialNetwork` takes them."""
+        return {name: view.cpu().numpy().astype(np.float32) for name, view in self._named().items()}
+
+    def load(self, weights: dict[str, Float32Array]) -> None:
+        """Set all weights by name.
+
+        Raises:
+            ValueError: if names or shapes are not this network's.
+
+        """
+        views = self._named()
+        shapes = {name: tuple(view.shape) for name, view in views.items()}
+        if shapes != {name: array.shape for name, array in weights.items()}:
+            raise ValueError(f"The weights are not of this network, which has {shapes}.")
+        for name, view in views.items():
+            view.copy_(torch.from_numpy(np.array(weights[name])))
+
+
+def layer_shapes(layers: list[Convolution] | tuple[Convolution, ...]) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of convolutions' weights and biases by name."""
+    shapes: dict[str, tuple[int, ...]] = {}
+    for layer in layers:
+        shapes[f"{layer.name}.weight"], shapes[f"{layer.name}.bias"] = layer.shape, (layer.outputs,)
+    return shapes
+
+
+def head_shapes(others: int) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of what stands beside the convolutions, for p other arguments an arm."""
+    return {
+        "log_std": (len(ARMS), 2 + others),
+        "value.weight": (1, SQUEEZED * CELLS),
+        "value.bias": (1,),
+    }
+
+
+def _convolve(inputs: Tensor, layer: Convolution, weights: dict[str, Tensor]) -> Tensor:
+    return functional.conv2d(
+        inputs,
+        weights[f"{layer.name}.weight"],
+        weights[f"{layer.name}.bias"],
+        stride=layer.stride,
+        padding=layer.padding,
+        dilation=layer.dilation,
+    )

@@ -1,0 +1,103 @@
+"""The process beside PyRobot: reads requests from standard input, writes states to standard output.
+
+It runs under the interpreter that PyRobot is installed for (Python 3.6 or newer), so it uses nothing but that
+interpreter's standard library, PyRobot, and what PyRobot itself needs. Lines of JSON go both ways. PyRobot
+names its ROS parameters and nodes globally: one process, and one ROS master, an arm.
+"""
+
+import json
+import os
+import sys
+import threading
+import time
+
+PERIOD = 0.01
+"""Between two states [s]."""
+
+
+class Arm:
+    """One Sawyer by PyRobot's calls."""
+
+    def __init__(self) -> None:
+        import intera_interface
+        import rospy
+        from pyrobot import Robot
+        from sensor_msgs.msg import JointState
+
+        self._robot = Robot("sawyer", use_base=False, use_camera=False)
+        self._fingers = self._robot.gripper.gripper
+        self._switches = intera_interface.RobotEnable()
+        self._limb = intera_interface.Limb()
+        self._stamp = 0.0
+        self._acknowledged = 0
+        # PyRobot keeps the angles of a joint state but not its time, without which a frozen one looks fresh.
+        rospy.Subscriber("/robot/joint_states", JointState, self._joint_states)
+
+    def _joint_states(self, message: object) -> None:
+        self._stamp = message.header.stamp.to_sec()  # type: ignore[attr-defined]
+
+    def state(self) -> "dict[str, object]":
+        """Return what the arm says of itself."""
+        arm, switches, fingers = self._robot.arm, self._switches.state(), self._fingers
+        effort = self._limb.endpoint_effort()
+        return {
+            "stamp": self._stamp,
+            "positions": list(arm.get_joint_angles()),
+            "velocities": list(arm.get_joint_velocities()),
+            "efforts": list(arm.get_joint_torques()),
+            "wrench": list(effort["force"]) + list(effort["torque"]),
+            "collision": bool(arm.get_collision_state()),
+            "enabled": switches.enabled,
+            "stopped": switches.stopped,
+            "error": switches.error,
+            "button": switches.estop_button,
+            "travel": fingers.get_position(),
+            "calibrated": fingers.is_calibrated(),
+            "moving": fingers.is_moving(),
+            "gripping": fingers.is_gripping(),
+            "gripper_error": fingers.has_error(),
+            "acknowledged": self._acknowledged,
+        }
+
+    def do(self, request: "dict[str, object]") -> None:
+        """Carry a request out; the slow ones in a thread of their own, so that none holds up a stop."""
+        operation = request["op"]
+        if operation == "command":
+            self._robot.arm.set_joint_positions(request["positions"], plan=False, wait=False)
+        elif operation == "speed":
+            self._limb.set_joint_position_speed(request["ratio"])
+        else:
+            threading.Thread(target=self._slow, args=(operation, request), daemon=True).start()
+
+    def _slow(self, operation: object, request: "dict[str, object]") -> None:
+        if operation == "gripper":
+            # Returns once the gripper has acknowledged, or after five seconds.
+            self._robot.gripper.open(position=request["travel"], wait=False)
+            self._acknowledged = request["number"]  # type: ignore[assignment]
+        elif operation == "calibrate":
+            self._fingers.calibrate()
+        elif operation in ("enable", "disable", "reset", "stop"):
+            getattr(self._switches, str(operation))()
+
+
+def main() -> None:
+    """Serve until standard input ends: the agent has gone, and the arm stays where it is."""
+    # Libraries print what they like: the protocol gets a descriptor of its own.
+    out = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)
+    arm = Arm()
+
+    def report() -> None:
+        while True:
+            start = time.monotonic()
+            out.write(json.dumps(arm.state()) + "\n")
+            out.flush()
+            time.sleep(max(start + PERIOD - time.monotonic(), 0.0))
+
+    threading.Thread(target=report, daemon=True).start()
+    for line in sys.stdin:
+        arm.do(json.loads(line))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,72 @@
+"""docs/operate.md: a run is backed up while it trains, and restored, with the commands that stand there."""
+
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from prometheus_client.parser import text_string_to_metric_families
+
+from taskschema_learner.api.exposition import exposition
+from taskschema_learner.api.folder_source import FolderSource
+from taskschema_learner.run_folder import RunFolder
+
+DOCS = (Path(__file__).parents[2] / "docs/operate.md").read_text(encoding="utf-8")
+COMMAND = Path(sys.executable).with_name("taskschema")
+RUN = "toy-run"
+TRAIN = ["train", "--rounds", "12", "--until-success", "0", "--workers", "0", "--api", "none"]
+
+
+def documented(section: str) -> str:
+    match = re.search(rf"^## {section}\n.*?```sh\n(.*?)```", DOCS, flags=re.DOTALL | re.MULTILINE)
+    assert match is not None
+    return match[1]
+
+
+def shell(script: str, folder: Path) -> str:
+    environment = {**os.environ, "RUN": RUN, "PATH": f"{COMMAND.parent}:{os.environ['PATH']}"}
+    done = subprocess.run(
+        ["bash", "-euc", script], cwd=folder, env=environment, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_a_run_is_backed_up_while_it_trains_and_restored(tmp_path: Path) -> None:
+    run = tmp_path / "runs" / RUN
+    slow = f"{Path(__file__).parents[1] / 'learner/slow_toy.py'}:SlowToy"
+    words = [*TRAIN, "--task-file", slow, "--run-dir", str(run)]
+    training = subprocess.Popen([COMMAND, *words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    try:
+        deadline = time.monotonic() + 90
+        while not (run / "metrics.csv").exists() or len(RunFolder.open(run).read_metrics()) < 3:
+            assert training.poll() is None, training.communicate()[0].decode()
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        shell(documented("Back up a run"), tmp_path)
+        assert training.poll() is None, "it was to be copied while it trains"
+        output, _ = training.communicate(timeout=120)
+    finally:
+        training.kill()
+    assert training.returncode == 0, output.decode()
+    printed = shell(documented("Restore it"), tmp_path)
+    hash_before = printed.splitlines()[0]
+    restored = tmp_path / "restored" / RUN
+    assert (restored / "redis/redis.conf").read_text() != (run / "redis/redis.conf").read_text()
+    rows = RunFolder.open(restored).read_metrics()
+    assert [row.round for row in rows] == list(range(12)), "no round is missing from the table"
+    assert [row.sha256 for row in rows] == [row.sha256 for row in RunFolder.open(run).read_metrics()]
+    assert hash_before in [row.sha256 for row in rows[:-1]], "the copy was of a round before the last"
+    check_metrics_are_documented(restored)
+
+
+def check_metrics_are_documented(run: Path) -> None:
+    """Every metric that the API tells about a run stands in the table."""
+    families = text_string_to_metric_families(exposition(FolderSource(run)).decode())
+    named = set(re.findall(r"`(taskschema_\w+)", DOCS))
+    for family in families:
+        if not family.name.startswith("taskschema_api_process"):
+            name = f"{family.name}_total" if family.type == "counter" else family.name
+            assert name in named, name
