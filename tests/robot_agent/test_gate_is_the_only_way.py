@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[2] / "services/robot_agent/taskschema_robot"
-HOLDERS = {"safety/gate.py"}
-"""The only module outside the drivers and the twin that may call them."""
+HOLDERS = {"safety/gate.py", "safety/readiness.py"}
+"""The only modules outside the drivers and the twin that may call them."""
 PLACES = ("drivers/", "twin/", "cli/")
 """Drivers themselves, what they talk to, and where they are made and handed to the gate."""
 DATA = {"ArmState", "GripperState"}

@@ -162,7 +162,7 @@ def test_an_episode_that_is_dropped_for_ever_ends_the_agent(run, tmp_path):
 
 
 def test_a_damaged_log_is_named(tmp_path):
-    log = EpisodeLog(tmp_path, TrajectoryFormat.of(TASK, 1))
+    log = EpisodeLog(tmp_path, TrajectoryFormat.of(TASK, CONFIG))
     item = WorkItem(0, 0, "0" * 64)
     assert log.find(item) is None
     (tmp_path / "000000-000000.episode").write_bytes(b"nonsense")

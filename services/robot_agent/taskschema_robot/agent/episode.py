@@ -8,7 +8,7 @@ import numpy as np
 
 from taskschema.arrays import FloatArray
 from taskschema.kinematics.sawyer import rethink_gripper
-from taskschema.policies import Policy
+from taskschema.policies import ActingPolicy
 from taskschema.randomness import EpisodeKey, Purpose, generator
 from taskschema.tasks.scene_observation import observe
 from taskschema.tasks.scene_task import SceneTask
@@ -75,7 +75,7 @@ class EpisodeRunner:
         self._preview = preview
         self._planner = StepPlanner(task, size, limits.period, limits.speed_ratio)
 
-    def run(self, key: EpisodeKey, policy: Policy) -> tuple[Trajectory, EpisodeRecord]:
+    def run(self, key: EpisodeKey, policy: ActingPolicy) -> tuple[Trajectory, EpisodeRecord]:
         """Run the episode of a key and return what is streamed, and what happened.
 
         Raises:
@@ -99,6 +99,7 @@ class EpisodeRunner:
             judgement = self._world.judge(start)
             if judgement.outcome is Outcome.SUCCESS:
                 break
+        self._put_down()
         self.go_home()
         if judgement.outcome is Outcome.UNKNOWN:
             judgement = self._world.last_look(start)
@@ -117,6 +118,14 @@ class EpisodeRunner:
             attempt=key.attempt,
         )
         return trajectory, record
+
+    def _put_down(self) -> None:
+        """Lower what is held before the hands open; what must not be lowered falls."""
+        motion = self._planner.put_down(self._arms.states())
+        if motion is not None:
+            refusal = self._arms.execute(motion)
+            if refusal is not None:
+                log.warning("What is held is let go in the air: %s", refusal.reason)
 
     def go_home(self, *, recovering: bool = False) -> None:
         """Open the hands and bring the arms home; slowly, along a checked way, after a fault."""

@@ -5,9 +5,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from taskschema.arrays import FloatArray
+from taskschema.kinematics.inverse import solve_inverse
 from taskschema.kinematics.rotation import rotate
 from taskschema.kinematics.sawyer import rethink_gripper, sawyer_pair, sawyers
-from taskschema.motion import PlanningContext
+from taskschema.motion import ArmPath, PlanningContext
+from taskschema.motion.line import joints_along_line
+from taskschema.motion.timing import PathLimits, fastest_path
 from taskschema.skills.skill import Skill
 from taskschema.tasks.scene_task import SceneTask
 from taskschema_robot.drivers.driver import ArmState
@@ -15,6 +18,11 @@ from taskschema_robot.safety.motion import HeldObject, Motion
 
 ENDS_AT_POINT = ("top_grasp", "side_grasp", "go_to_pose")
 """Skills whose arguments x and y are where the hand ends, from the object's centre."""
+LEAST_DESCENT = 0.01
+"""What is lifted by less is let go where it is [m]."""
+DESCENT_POSES = 6
+DESCENT = PathLimits(speed=0.15, acceleration=0.5)
+"""Of what is put down [m/s], [m/s^2]."""
 HOLDS = 0.004
 """A gripper that was closed and stays further open than this holds something [m]."""
 
@@ -27,6 +35,8 @@ class HandState:
     """[2] gripper set-points [m]."""
     joints: FloatArray = field(default_factory=lambda: np.zeros((2, 7)))
     """[2, 7] set-points at the end of the last step [rad]."""
+    closed_at: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    """Height at which each hand last closed [m]."""
     pressing: list[bool] = field(default_factory=lambda: [False, False])
     """Whether an arm may have ended its last skill pressing on something."""
 
@@ -74,11 +84,43 @@ class StepPlanner:
 
     def done(self, pair: int, motion: Motion) -> None:
         """Note what a motion that was made leaves behind."""
+        for arm, kinematics in enumerate(sawyer_pair()):
+            if motion.opening[arm, -1] < self.hands.opening[arm]:
+                position, _ = kinematics.forward(motion.joints[arm, -1:])
+                self.hands.closed_at[arm] = float(position[0, 2])
         self.hands.opening = motion.opening[:, -1].copy()
         self.hands.joints = motion.joints[:, -1].copy()
         for arm, skill in enumerate(self._skills(pair)):
             if skill.ends_pressing is not None:
                 self.hands.pressing[arm] = skill.ends_pressing
+
+    def put_down(self, states: tuple[ArmState, ArmState]) -> Motion | None:
+        """Return the motion that lowers what closed hands lifted to where they took it; None: nothing is up.
+
+        Both hands go down by the same distance at the same speed: what they hold stays level.
+        """
+        closed = [arm for arm in (0, 1) if self.hands.opening[arm] <= rethink_gripper().closed]
+        heights = [
+            float(kinematics.forward(state.positions[None])[0][0, 2])
+            for kinematics, state in zip(sawyer_pair(), states, strict=True)
+        ]
+        down = min((heights[arm] - self.hands.closed_at[arm] for arm in closed), default=0.0)
+        if down < LEAST_DESCENT:
+            return None
+        paths = [self._straight_down(arm, states[arm], down if arm in closed else 0.0) for arm in (0, 1)]
+        return Motion.of_paths(paths[0], paths[1], self._period, speed_ratio=self._speed_ratio)
+
+    def _straight_down(self, arm: int, state: ArmState, distance: float) -> ArmPath:
+        kinematics, start = sawyer_pair()[arm], state.positions[None].copy()
+        opening = self.hands.opening[arm : arm + 1]
+        if distance == 0.0:
+            return ArmPath.stay(start, opening)
+        position, rotation = kinematics.forward(start)
+        target = position - np.array([0.0, 0.0, distance])
+        end = solve_inverse(kinematics, target, rotation, start).joints
+        points = joints_along_line(kinematics, (start, end), (position, target), rotation, DESCENT_POSES)
+        lengths = np.full((1, DESCENT_POSES - 1), distance / (DESCENT_POSES - 1))
+        return fastest_path(kinematics, points, opening, lengths=lengths, limits=DESCENT)
 
     def _index(self, pair: int, arm: int) -> int:
         return int(self._task.pairs.skill_index(np.array(pair), arm))

@@ -19,6 +19,8 @@ SMALLEST_MARKER = 20.0
 """Edge of a marker in the picture [pixels] below which its pose is not to be trusted."""
 LARGEST_SPREAD = 0.005
 """Of an object at rest, between frames [m]."""
+LENS_VIEWS = 15
+"""Asked for."""
 LEAST_VIEWS = 8
 """Of the marker board, for the lens."""
 

@@ -65,6 +65,7 @@ class CameraWorld:
         self._camera, self._tracker, self._task = camera, tracker, task
         self._item, self._person, self._clock = item, person, clock
         self._last_number = -1
+        self._known: FloatArray | None = None
         self._evidence, self._judged = evidence, 0
 
     def reset(self, instance: ObjectInstance) -> FloatArray:
@@ -76,6 +77,7 @@ class CameraWorld:
             pose, problem = median_pose(self.look())
             if pose is None:
                 continue
+            self._known = pose
             distance = float(np.hypot(*(pose[:2] - wanted[:2])))
             if distance <= NEAR:
                 return pose
@@ -83,8 +85,13 @@ class CameraWorld:
         raise EpisodeDroppedError(f"The object is not at its start: {problem}.")
 
     def object_pose(self) -> FloatArray | None:
-        """Return the pose by markers, or None; see `World`."""
-        return median_pose(self.look())[0]
+        """Return the pose by markers, the last one known in this episode if hands hide it; see `World`.
+
+        That is for the policy's state and for planning; an outcome is never judged by it.
+        """
+        pose, _ = median_pose(self.look())
+        self._known = self._known if pose is None else pose
+        return self._known
 
     def judge(self, start: FloatArray) -> Judgement:
         """Judge new frames; see `World`."""

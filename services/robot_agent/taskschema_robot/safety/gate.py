@@ -18,6 +18,7 @@ from taskschema_robot.safety.fault import Fault, FaultError, FaultKind
 from taskschema_robot.safety.limits import SafetyLimits
 from taskschema_robot.safety.motion import Motion
 from taskschema_robot.safety.plan_checks import check_plan
+from taskschema_robot.safety.readiness import await_stop, make_ready
 from taskschema_robot.safety.refusal import Refusal
 from taskschema_robot.safety.sweep import Sweep
 from taskschema_robot.safety.watchdog import Monitor, obeyed, watch_monitors, watch_states, watch_tracking
@@ -119,7 +120,7 @@ class SafetyGate:
 
         """
         for driver in self._drivers:
-            _make_ready(driver)
+            make_ready(driver)
             if not driver.state().gripper.calibrated:
                 driver.calibrate_gripper()
 
@@ -133,8 +134,9 @@ class SafetyGate:
         fault = self._fault
         if fault is None:
             return
+        await_stop(self._drivers, self._clock)
         for driver in self._drivers:
-            _make_ready(driver)
+            make_ready(driver)
         self._openings, self._held_at = [None, None], None
         log.warning("%s acknowledged: %s", person, fault.reason)
         with self._lock:
@@ -282,13 +284,3 @@ class SafetyGate:
             log.error("FAULT (%s): %s", fault.kind, fault.reason)
             if self._on_fault is not None:
                 self._on_fault(fault)
-
-
-def _make_ready(driver: ArmDriver) -> None:
-    """Connect, end a stop, and enable, as far as it is needed."""
-    if not driver.connected:
-        driver.connect()
-    driver.set_speed_ratio(1.0)  # the set-points themselves are as slow as they should be
-    driver.reset()
-    if not driver.state().enabled:
-        driver.enable()
