@@ -68,7 +68,7 @@ class World:
     """One MuJoCo world, advanced in steps of `TIMESTEP`.
 
     Args:
-        model: of both arms and one object; see `twin_model`.
+        model: of both arms and one object; see `physics_model`.
         home: [2, 7] joint angles at the start [rad].
         mount: of the fingers; see `WorldArm`.
 
