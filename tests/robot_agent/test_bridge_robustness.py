@@ -154,3 +154,22 @@ def test_a_burst_back_to_back_arrives_in_order():
         message = {"mode": 1, "names": ["right_j0"], "position": [0.001 * index]}
         rig.session.incoming(json.dumps({"op": "publish", "topic": interface.JOINT_COMMAND, "msg": message}))
     assert [message["position"][0] for message in received] == [0.001 * index for index in range(500)]
+
+
+def test_a_slow_reader_without_a_queue_silences_the_topic_for_all():
+    # As recorded with a genuine bridge, scenarios 13c and 13d; the driver therefore asks for a queue of 1.
+    rig = Rig()
+    slow = BridgeSession(1, rig.bridge, FragmentStore(), lambda frame, keep: None, lambda: True)
+    topic = interface.SPEED_RATIO
+
+    def publish() -> int:
+        before = len(rig.sent)
+        rig.session.incoming(json.dumps({"op": "publish", "topic": topic, "msg": {"data": 0.5}}))
+        return len(rig.sent) - before
+
+    rig.session.incoming(json.dumps({"op": "subscribe", "topic": topic}))
+    assert publish() == 1
+    slow.incoming(json.dumps({"op": "subscribe", "topic": topic, "queue_length": 0}))
+    assert publish() == 0
+    slow.incoming(json.dumps({"op": "subscribe", "topic": topic, "queue_length": 1}))
+    assert publish() == 1

@@ -76,7 +76,7 @@ def marker_picture(number: int) -> bytes:
     """Return a marker as a PNG, its white border included."""
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, DICTIONARY))
     square = cv2.aruco.generateImageMarker(dictionary, number, MARKER_CELLS * CELL_PIXELS)
-    bordered = cv2.copyMakeBorder(square, *[CELL_PIXELS] * 4, cv2.BORDER_CONSTANT, value=255)
+    bordered = np.pad(square, CELL_PIXELS, constant_values=255)
     return bytes(cv2.imencode(".png", cv2.cvtColor(bordered, cv2.COLOR_GRAY2BGR))[1])
 
 
