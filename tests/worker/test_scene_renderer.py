@@ -11,7 +11,7 @@ from taskschema.errors import RenderingError
 from taskschema.tasks.lateral_lifting import LateralLifting
 from taskschema.tasks.scene_task import ObjectInstance
 from taskschema_worker.rendering import backend
-from taskschema_worker.rendering.frame import FRAME_SIZE
+from taskschema.frames import FRAME_SIZE
 from taskschema_worker.rendering.scene_renderer import SceneRenderer
 from taskschema_worker.rendering.visual_scene import OVERHEAD_HEIGHT, OVERHEAD_VIEW
 

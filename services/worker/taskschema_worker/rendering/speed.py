@@ -4,7 +4,7 @@ import time
 from statistics import median
 
 from taskschema.tasks.scene_task import SceneTask
-from taskschema_worker.rendering.frame import FRAME_SIZE
+from taskschema.frames import FRAME_SIZE
 from taskschema_worker.rendering.scene_renderer import SceneRenderer
 
 FRAMES = 30
