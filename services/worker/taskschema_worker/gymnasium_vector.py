@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space, create_empty_array
+from gymnasium.vector.utils import batch_space
 
 from taskschema.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from taskschema.config import ObservationKind
@@ -59,7 +59,8 @@ class TaskVectorEnvironment(VectorEnv[Any, Action, Any]):
         self._generators: list[np.random.Generator] = []
         self._cohorts: list[_Cohort] = []
         self._spare: list[BatchEnvironment] = []
-        self._observations = create_empty_array(self.single_observation_space, num_envs, np.zeros)
+        space = self.single_observation_space
+        self._observations: AnyArray = np.zeros((num_envs, *space.shape), dtype=space.dtype)
         self._steps = np.zeros(num_envs, dtype=np.int64)
         self._over = np.zeros(num_envs, dtype=bool)
 

@@ -10,7 +10,7 @@ from taskschema.bus.messages import WorkItem
 from taskschema.bus.records import RunRecords
 from taskschema.bus.worker_bus import WorkerBus
 from taskschema.errors import BusError, ConfigError
-from taskschema.policies import Policy
+from taskschema.policies import ActingPolicy, policy_of
 from taskschema.randomness import EpisodeKey
 from taskschema.tasks.scene_task import SceneTask
 from taskschema.trajectory import Trajectory, TrajectoryFormat
@@ -65,7 +65,7 @@ class RobotAgent:
         self._config = bus.join()
         if self._config.episodes_per_slot != 1:
             raise ConfigError("A robot runs one episode a slot: start the run with `--agent robot`.")
-        self._log = EpisodeLog(folder / "episodes", TrajectoryFormat.of(task, 1))
+        self._log = EpisodeLog(folder / "episodes", TrajectoryFormat.of(task, self._config))
         self.progress = Progress(folder / "episodes.csv")
 
     def run(self, stop: threading.Event) -> None:
@@ -89,12 +89,12 @@ class RobotAgent:
         """Deliver a slot: as it was kept, or by running its episode."""
         trajectories = self._log.find(lease.item)
         if trajectories is None:
-            policy = Policy(self._bus.policy(lease), self._task.pairs, self._task.observation)
+            policy = policy_of(self._config, self._task, self._bus.policy(lease))
             trajectories = [self._perform(lease.item, policy)]
             self._log.keep(lease.item, trajectories)
         self._bus.submit([(lease, trajectories)])
 
-    def _perform(self, item: WorkItem, policy: Policy) -> Trajectory:
+    def _perform(self, item: WorkItem, policy: ActingPolicy) -> Trajectory:
         """Run a slot's episode until one attempt counts; a dropped one is never a failure."""
         attempt = self._log.attempts(item)
         while attempt < MOST_ATTEMPTS:
