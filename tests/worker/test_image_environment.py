@@ -6,7 +6,8 @@ import gymnasium
 import numpy as np
 import pytest
 from rendering_setup import needs_renderer
-from spatial_setup import TOY, image_config, streams
+from spatial_setup import TOY, image_config, some_policy, streams
+from threadpoolctl import threadpool_limits
 
 import taskschema_worker  # noqa: F401 - registers the environments
 from taskschema.errors import ConfigError, FrameError, UnknownNameError
@@ -15,9 +16,11 @@ from taskschema.policies import ImagePolicy, PolicySnapshot
 from taskschema.randomness import EpisodeKey, Purpose, generator
 from taskschema.tasks.lateral_lifting import LateralLifting
 from taskschema.tasks.registry import get_task
+from taskschema.trajectory import encode_slot
 from taskschema_learner.initial_weights import initial_spatial_weights
 from taskschema_worker.environments import make_environment
 from taskschema_worker.image_environment import ImageEnvironment, offset_arguments
+from taskschema_worker.rollout import collect_slots
 
 BAR = LateralLifting()
 
@@ -159,3 +162,21 @@ def test_the_expert_lifts_the_bar_from_places_on_the_table():
         assert result.success.all()
     finally:
         environment.close()
+
+
+def test_an_episode_is_the_same_to_the_bit_on_any_number_of_threads():
+    policy = some_policy()
+    found = []
+    for threads in (1, 2):
+        with threadpool_limits(limits=threads):
+            slots = collect_slots(
+                make_environment(TOY, observation="image"),
+                policy,
+                seed=5,
+                round_index=0,
+                slots=[0],
+                episodes_per_slot=2,
+                horizon=3,
+            )
+        found.append(encode_slot(slots[0]))
+    assert found[0] == found[1]

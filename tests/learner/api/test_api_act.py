@@ -139,10 +139,12 @@ def test_a_run_on_images_takes_a_frame_and_shows_its_response_maps(served, pictu
     answer = see(served, frames[0], mode="mean", response_maps=True).json()
     expected = pictures.act_mean(frames, 0)
     assert answer["pair"] == ["reach", "reach"]
-    assert answer["left"]["arguments"]["x"]["value"] == pytest.approx(expected.arguments[0][0])
+    assert answer["left"]["arguments"]["x"]["value"] == pytest.approx(expected.arguments[0][0], rel=1e-4)
     maps = answer["response_maps"]
     assert maps["x"] == maps["y"] == [-0.1, 0.1]
-    assert np.array([maps["left"], maps["right"]]) == pytest.approx(pictures.response_maps(frames)[0])
+    assert np.array([maps["left"], maps["right"]]) == pytest.approx(
+        pictures.response_maps(frames)[0], rel=1e-4
+    )  # BLAS may use another number of threads there
     assert np.sum(maps["left"]) == pytest.approx(1.0)
     assert see(served, frames[0]).json()["response_maps"] is None
 

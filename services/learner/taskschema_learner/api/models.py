@@ -129,7 +129,7 @@ Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 
 def _observation_form(value: Any) -> str | None:  # noqa: ANN401 - anything can be sent
-    forms = {dict: "fields", list: "vector", str: "frame"}
+    forms: dict[type, str] = {dict: "fields", list: "vector", str: "frame"}
     return forms.get(type(value))
 
 

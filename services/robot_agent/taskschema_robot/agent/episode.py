@@ -8,7 +8,7 @@ import numpy as np
 
 from taskschema.arrays import FloatArray
 from taskschema.kinematics.sawyer import rethink_gripper
-from taskschema.policies import Policy
+from taskschema.policies import ActingPolicy
 from taskschema.randomness import EpisodeKey, Purpose, generator
 from taskschema.tasks.scene_observation import observe
 from taskschema.tasks.scene_task import SceneTask
@@ -75,7 +75,7 @@ class EpisodeRunner:
         self._preview = preview
         self._planner = StepPlanner(task, size, limits.period, limits.speed_ratio)
 
-    def run(self, key: EpisodeKey, policy: Policy) -> tuple[Trajectory, EpisodeRecord]:
+    def run(self, key: EpisodeKey, policy: ActingPolicy) -> tuple[Trajectory, EpisodeRecord]:
         """Run the episode of a key and return what is streamed, and what happened.
 
         Raises:
