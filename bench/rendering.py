@@ -4,11 +4,11 @@ import time
 from statistics import median
 
 from bench.entry import Entry
+from taskschema.frames import FRAME_SIZE
 from taskschema.tasks.registry import get_task, task_names
 from taskschema.tasks.scene_task import SceneTask
 from taskschema_learner.replay.recorded_episodes import expert_episodes
 from taskschema_worker.recording import RecordedEpisode
-from taskschema_worker.rendering.frame import FRAME_SIZE
 from taskschema_worker.rendering.scene_renderer import SceneRenderer
 from taskschema_worker.rendering.speed import milliseconds_per_frame
 

@@ -8,11 +8,11 @@ import pytest
 from rendering_setup import needs_renderer
 
 from taskschema.errors import RenderingError
+from taskschema.frames import FRAME_SIZE
 from taskschema.tasks.lateral_lifting import LateralLifting
 from taskschema.tasks.scene_task import ObjectInstance
 from taskschema.visual_scene import OVERHEAD_HEIGHT, OVERHEAD_VIEW
 from taskschema_worker.rendering import backend
-from taskschema_worker.rendering.frame import FRAME_SIZE
 from taskschema_worker.rendering.scene_renderer import SceneRenderer
 
 pytestmark = needs_renderer

@@ -4,8 +4,8 @@ import time
 from collections.abc import Callable
 from statistics import median
 
+from taskschema.frames import FRAME_SIZE
 from taskschema.tasks.scene_task import SceneTask
-from taskschema_worker.rendering.frame import FRAME_SIZE
 from taskschema_worker.rendering.scene_renderer import SceneRenderer
 
 FRAMES = 30
