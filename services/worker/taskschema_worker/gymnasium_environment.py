@@ -23,8 +23,8 @@ class TaskEnvironment(gymnasium.Env[Any, Action]):
     An action names a skill pair and both arms' arguments, scaled so that [-1, 1] is the search space;
     those of skills that the pair does not use are ignored. Observations are in SI units, laid out as
     `layout` says; with `obs_type="image"` they are the overhead camera's frames and nothing else, and
-    positions are locations on the table. The reward is 1 at the first success, 0 otherwise (sparse and binary); the episode is
-    terminated there, or after T steps.
+    positions are locations on the table. The reward is 1 at the first success, 0 otherwise (sparse and
+    binary); the episode is terminated there, or after T steps.
     """
 
     def __init__(self, task: Task | str, obs_type: ObservationKind = "state") -> None:
