@@ -134,7 +134,7 @@ def test_the_page_says_medians_ratios_and_verdicts_as_computed_by_hand():
     assert "| toy | state | > 30,000 | 20,000 | > 30,000 | > 30,000 | more than 5 |" in page
     assert "| toy | oracle | 2,000 | 4,000 | 800 so far | 3,000 | 0.5 |" in page
     assert "| toy | (reach, reach), (raise, raise) | 3 of 3 | 2 | 1 | 0 |" in page
-    assert "| toy | state | 0 | not solved | 30,000 | 30,000 | 1.0 | 2% | - | - |" in page
+    assert "| toy | state | 0 | not solved | 30,000 | - | 30,000 | 1.0 | 2% | - | - |" in page
 
 
 def test_the_recorded_command_names_no_folder_of_this_machine():

@@ -39,6 +39,7 @@ def test_the_map_covers_every_place_of_the_object_and_10_cm_around_it():
 
     assert get_task("lateral-lifting").table == TableRectangle((-0.18, 0.18), (-0.18, 0.18))
     assert get_task("opening").table == TableRectangle((-0.16, 0.16), (-0.16, 0.16))
+    assert get_task("picking").table == TableRectangle((-0.18, 0.18), (-0.14, 0.14))
     for argument in get_task("rotating").image_pairs.arguments:
         assert argument.name != "z"  # a location on the table has no height
         if argument.name in ("x", "y"):

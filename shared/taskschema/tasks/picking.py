@@ -45,6 +45,8 @@ class Picking(SceneTask):
     summary = "lift a slippery ball, too large for one hand, of varied place and friction by 25 cm"
     paper_schema = (("top_grasp", "go_to_pose"), ("no_op", "go_to_pose"), ("lift", "lift"))
     lift_speed = 0.3
+    location_range = LOCATION_RANGE
+    pose_height = PRESS_OFFSET[1] / (2.0 * BALL_RADIUS)
 
     @cached_property
     def pairs(self) -> PairSpace:

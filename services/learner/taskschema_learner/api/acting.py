@@ -77,9 +77,7 @@ class Actor:
         given = request.observation
         if isinstance(self.policy, ImagePolicy):
             if not isinstance(given, str):
-                raise RequestError(
-                    "This run sees images: observation must be a frame in base64, as a string."
-                )
+                raise RequestError("This run sees images: observation must be a frame in base64.")
             return frame_of(given)
         if isinstance(given, str):
             raise RequestError("This run sees states: observation must be fields or a list of numbers.")

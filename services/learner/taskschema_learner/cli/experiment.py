@@ -7,7 +7,12 @@ from typing import Annotated, get_args
 
 import typer
 
-EXPERIMENTS = ("paper-sim",)
+EXPERIMENTS = ("paper-sim", "images-sim")
+DEFAULTS = {
+    "paper-sim": (None, "schema,state,oracle", 5),
+    "images-sim": ("lateral-lifting,opening", "transferred,re-learned", 3),
+}
+"""Tasks (None: the paper's four), policies and seeds of each."""
 
 
 def register(app: typer.Typer) -> None:
@@ -17,15 +22,33 @@ def register(app: typer.Typer) -> None:
 
 def experiment(
     name: Annotated[
-        str, typer.Argument(metavar="NAME", help="paper-sim: the paper's learning curves in simulation.")
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help="paper-sim: the paper's learning curves in simulation; images-sim: those from images.",
+        ),
     ],
     tasks: Annotated[
-        str | None, typer.Option(metavar="TASK,...", help="Tasks. Default: the paper's four.")
+        str | None,
+        typer.Option(
+            metavar="TASK,...", help="Tasks. Default: the paper's four; of images-sim, two of them."
+        ),
     ] = None,
     policies: Annotated[
-        str, typer.Option(metavar="POLICY,...", help="Policies to compare.")
-    ] = "schema,state,oracle",
-    seeds: Annotated[int, typer.Option(min=1, help="Seeds 0 to N - 1 of every task and policy.")] = 5,
+        str | None,
+        typer.Option(
+            metavar="POLICY,...",
+            help="What to compare. Default: schema,state,oracle; of images-sim, transferred,re-learned.",
+        ),
+    ] = None,
+    seeds: Annotated[
+        int | None,
+        typer.Option(min=1, help="Seeds 0 to N - 1 of every task and policy. Default: 5; of images-sim, 3."),
+    ] = None,
+    schemas: Annotated[
+        Path,
+        typer.Option(help="Of images-sim: folder of TASK.json, the schemas learned from states."),
+    ] = Path("schemas"),
     budget: Annotated[
         int, typer.Option(min=1, help="Episodes that a cell of schema or oracle may take.")
     ] = 200_000,
@@ -48,27 +71,34 @@ def experiment(
 
     Ctrl-C stops it at any time; the same command goes on where it stopped, and skips what is finished.
     """
-    from taskschema.config import PolicyKind
     from taskschema.errors import UnknownNameError
     from taskschema.tasks.registry import get_task
+    from taskschema_learner.experiment.cell import IMAGE_POLICIES, CellPolicy
     from taskschema_learner.experiment.plan import PAPER_TASKS, Plan
 
     if name not in EXPERIMENTS:
         raise UnknownNameError("experiment", name, EXPERIMENTS)
-    kinds = [kind for kind in get_args(PolicyKind) if kind in _words(policies)]
-    for word in _words(policies):
-        if word not in kinds:
-            raise UnknownNameError("policy", word, get_args(PolicyKind))
+    default_tasks, default_policies, default_seeds = DEFAULTS[name]
+    valid = [kind for kind in get_args(CellPolicy) if (kind in IMAGE_POLICIES) == (name == "images-sim")]
+    words = _words(policies or default_policies)
+    for word in words:
+        if word not in valid:
+            raise UnknownNameError("policy", word, valid)
+    kinds = [kind for kind in valid if kind in words]
+    tasks = tasks or default_tasks
     task_list = list(PAPER_TASKS) if tasks is None else _words(tasks)
     for task in task_list:
         get_task(task)
 
-    from taskschema_learner.experiment.experiment import paper_sim
+    from taskschema_learner.experiment.experiment import run_experiment
+    from taskschema_learner.experiment.recipe import ImagesSim, PaperSim
 
-    plan = Plan(task_list, kinds, seeds, budget, baseline_budget)
+    recipe = ImagesSim(schemas) if name == "images-sim" else PaperSim()
+    plan = Plan(task_list, kinds, seeds or default_seeds, budget, baseline_budget)
     command = shlex.join(["taskschema", *sys.argv[1:]])
     out = out or Path("results") / name
-    if paper_sim(plan, out, runs_dir or Path("runs") / name, workers, command):
+    runs = runs_dir or Path("runs") / name
+    if run_experiment(name, plan, recipe, out, runs, workers, command):
         print(f"All cells are done: {out / 'README.md'}")
     else:
         print(f"Stopped. Continue with: {command}")

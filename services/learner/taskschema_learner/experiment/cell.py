@@ -5,10 +5,12 @@ from typing import Literal
 
 import msgspec
 
-from taskschema.config import PolicyKind
 from taskschema.tasks.task import Schema
 from taskschema_learner.schema_report import SchemaVerdict
 
+CellPolicy = Literal["schema", "state", "oracle", "transferred", "re-learned"]
+"""What is compared: policies on states, and on images where their schema comes from."""
+IMAGE_POLICIES = ("transferred", "re-learned")
 CellState = Literal["solved", "not solved", "interrupted"]
 """Reached 90 %; spent its budget without that; neither yet: the next start goes on with it."""
 
@@ -18,7 +20,7 @@ class Cell:
     """One training of the matrix."""
 
     task: str
-    policy: PolicyKind
+    policy: CellPolicy
     seed: int
 
     @property
@@ -31,7 +33,7 @@ class CellResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """Facts about one cell, as far as it has come."""
 
     task: str
-    policy: PolicyKind
+    policy: CellPolicy
     seed: int
     state: CellState
     episodes: int
@@ -53,6 +55,8 @@ class CellResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """Of the policy at the end: `taskschema hash RUN`."""
     commit: str
     """Commit of the source tree, if it was trained from one."""
+    steps: int | None = None
+    """Skill pairs executed in these episodes; None: written before they were counted."""
 
     @property
     def cell(self) -> Cell:

@@ -65,11 +65,11 @@ class CellTraining:
         """Return where a cell's run is."""
         return self._runs / cell.name
 
-    def arguments(self, cell: Cell, config: RunConfig, budget: int) -> list[str]:
+    def arguments(self, cell: Cell, config: RunConfig, options: list[str], budget: int) -> list[str]:
         """Return what comes after `taskschema` on the command line; an interrupted cell goes on."""
         path = self.run_dir(cell)
         rounds = math.ceil(budget / (config.slots * config.episodes_per_slot))
-        start = [cell.task, "--policy", cell.policy, "--seed", str(cell.seed)]
+        start = [cell.task, *options, "--seed", str(cell.seed)]
         if (path / "config.json").exists():
             start = ["--resume"]
         words = ["train", *start, "--rounds", str(rounds), "--run-dir", str(path), "--api", "none"]

@@ -11,12 +11,12 @@ import msgspec
 from taskschema import __version__
 from taskschema.config import RunConfig
 from taskschema.errors import ExperimentError
-from taskschema_learner.default_config import default_config
 from taskschema_learner.experiment.cell import Cell, CellResult
 from taskschema_learner.experiment.cell_training import CellTraining
 from taskschema_learner.experiment.figure import FIGURE, draw_figure
 from taskschema_learner.experiment.measurement import measure, thinned_curve
 from taskschema_learner.experiment.plan import Plan, next_cell
+from taskschema_learner.experiment.recipe import Recipe
 from taskschema_learner.experiment.report import report
 from taskschema_learner.experiment.results_folder import ResultsFolder, Summary
 from taskschema_learner.machine import machine
@@ -34,6 +34,7 @@ class Experiment:
     Args:
         name: of the experiment, such as `paper-sim`.
         plan: the matrix and its budgets.
+        recipe: what its cells are.
         folder: where results go.
         training: trains a cell.
         command: what the user typed, for the record.
@@ -45,6 +46,7 @@ class Experiment:
         self,
         name: str,
         plan: Plan,
+        recipe: Recipe,
         folder: ResultsFolder,
         training: CellTraining,
         command: str,
@@ -54,7 +56,8 @@ class Experiment:
         self._folder = folder
         self._training = training
         self._say = say
-        self._configs = {cell: default_config(cell.task, cell.policy, cell.seed) for cell in plan.cells()}
+        self._recipe = recipe
+        self._configs = {cell: recipe.config(cell) for cell in plan.cells()}
         shared = _shared_settings(self._configs.values())
         self._summary = _with_provenance(folder.read_for(name), command)
         if self._summary.settings not in (None, shared):
@@ -79,7 +82,7 @@ class Experiment:
         while (choice := next_cell(self._plan, self._results, failed)) is not None:
             cell, budget = choice
             self._announce(cell, budget)
-            if not self._training.train(self._training.arguments(cell, self._configs[cell], budget)):
+            if not self._training.train(self._arguments(cell, budget)):
                 failed.append(cell)
             self._record(cell)
             self._write()
@@ -92,6 +95,9 @@ class Experiment:
                 "on with them."
             )
         return True
+
+    def _arguments(self, cell: Cell, budget: int) -> list[str]:
+        return self._training.arguments(cell, self._configs[cell], self._recipe.options(cell), budget)
 
     def _announce(self, cell: Cell, budget: int) -> None:
         cells = self._plan.cells()
@@ -135,9 +141,11 @@ def _order(result: CellResult) -> tuple[str, str, int]:
 
 
 def _shared_settings(configs: Iterable[RunConfig]) -> RunConfig:
-    """Return what the cells' configs share, whatever their task, policy and seed."""
+    """Return what the cells' configs share, whatever their task, policy, seed and given schema."""
+    first = next(iter(configs))
+    schema = msgspec.structs.replace(first.schema, initial_logits=None, frozen=False)
     return msgspec.structs.replace(
-        next(iter(configs)), task="any", policy="schema", seed=0, episodes_per_slot=1
+        first, task="any", policy="schema", seed=0, episodes_per_slot=1, schema=schema
     )
 
 
@@ -165,8 +173,10 @@ def _with_provenance(summary: Summary, command: str) -> Summary:
     )
 
 
-def paper_sim(plan: Plan, out: Path, runs: Path, workers: int | None, command: str) -> bool:
-    """Run the paper's simulated experiment and return whether it is done; False: it was stopped.
+def run_experiment(
+    name: str, plan: Plan, recipe: Recipe, out: Path, runs: Path, workers: int | None, command: str
+) -> bool:
+    """Run an experiment and return whether it is done; False: it was stopped.
 
     Raises:
         TaskschemaError: for whatever the user can mend; results so far are kept.
@@ -175,7 +185,7 @@ def paper_sim(plan: Plan, out: Path, runs: Path, workers: int | None, command: s
     folder, training = ResultsFolder(out), CellTraining(runs, workers)
     folder.make()
     with training.locked():
-        return Experiment("paper-sim", plan, folder, training, command, _print).run()
+        return Experiment(name, plan, recipe, folder, training, command, _print).run()
 
 
 def _print(line: str) -> None:

@@ -15,7 +15,10 @@ from taskschema_learner.plots import TARGET, Curve, average, new_figure, save_fi
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COLOURS = {"schema": "#e69f00", "state": "#0072b2", "oracle": "#009e73"}
+COLOURS = {"schema": "#e69f00", "state": "#0072b2", "oracle": "#009e73"} | {
+    "transferred": "#e69f00",
+    "re-learned": "#0072b2",
+}
 """Orange, blue and green, as in the paper; Okabe and Ito's shades."""
 COLUMNS = 2
 FIGURE = "figure.png"

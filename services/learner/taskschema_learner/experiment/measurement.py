@@ -52,6 +52,7 @@ def measure(folder: RunFolder, cell: Cell, budget: int) -> CellResult | None:
         config_hash=folder.config.config_hash,
         sha256=last.sha256,
         commit=source_commit(),
+        steps=last.steps,
     )
 
 

@@ -5,8 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
 
-from taskschema.config import PolicyKind
-from taskschema_learner.experiment.cell import Cell, CellResult
+from taskschema_learner.experiment.cell import Cell, CellPolicy, CellResult
 
 PAPER_TASKS = ("lateral-lifting", "picking", "opening", "rotating")
 """The paper's four families, in the order of its Table I."""
@@ -23,7 +22,7 @@ class Plan:
     """The matrix of an experiment and the episodes that each of its cells may take."""
 
     tasks: Sequence[str] = PAPER_TASKS
-    policies: Sequence[PolicyKind] = ("schema", "state", "oracle")
+    policies: Sequence[CellPolicy] = ("schema", "state", "oracle")
     seeds: int = 5
     """Seeds 0 to N - 1 of every task and policy."""
     budget: int = 200_000
@@ -38,7 +37,8 @@ class Plan:
         then the baseline, whose budget follows from them; then the other seeds in the same order.
         """
         blocks = [range(min(FIRST_SEEDS, self.seeds)), range(FIRST_SEEDS, self.seeds)]
-        groups: tuple[tuple[PolicyKind, ...], ...] = (("oracle", "schema"), ("state",))
+        first: tuple[CellPolicy, ...] = ("oracle", "schema", "transferred", "re-learned")
+        groups: tuple[tuple[CellPolicy, ...], ...] = (first, ("state",))
         return [
             Cell(task, policy, seed)
             for seeds in blocks

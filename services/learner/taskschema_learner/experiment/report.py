@@ -8,7 +8,15 @@ from taskschema_learner.experiment.cell import CellResult
 from taskschema_learner.experiment.results_folder import Summary
 from taskschema_learner.schema_report import SchemaVerdict, has_good_set, schema_words
 
-POLICIES = ("schema", "state", "oracle")
+POLICIES = ("schema", "state", "oracle", "transferred", "re-learned")
+DEFAULTS = ("Every cell is `taskschema train TASK --policy POLICY --seed SEED` with the defaults.",)
+SETTINGS = {
+    "images-sim": (
+        "Every cell is `taskschema train TASK --observation image --seed SEED`; `transferred` adds",
+        "`--init-schema TASK.json --freeze-schema`, a schema learned from states.",
+    ),
+}
+"""What the cells are, of experiments other than with the defaults."""
 
 
 def report(summary: Summary) -> str:
@@ -25,9 +33,10 @@ def report(summary: Summary) -> str:
         *(f"    {command}" for command in summary.commands),
         "",
         f"On {'; '.join(summary.machines)}. Versions: {versions}.",
-        "Every cell is `taskschema train TASK --policy POLICY --seed SEED` with the defaults, until 90 % of",
-        "the last 100 episodes succeed or its budget is spent. `summary.json` holds all of this for a",
-        "program, `cells/` the curves; `taskschema plot` draws them.",
+        *SETTINGS.get(summary.experiment, DEFAULTS),
+        "It ends when 90 % of the last 100 episodes succeed or its budget is spent. `summary.json` holds all",
+        "of this for a program, `cells/` the curves; `taskschema plot` draws them. Skills are skill pairs,",
+        "both arms at once.",
         "",
         "![learning curves](figure.png)",
         "",
@@ -42,16 +51,22 @@ def _tasks(cells: Sequence[CellResult]) -> list[str]:
     return list(dict.fromkeys(result.task for result in cells))
 
 
+def _learned(cells: Sequence[CellResult]) -> str:
+    """Return which of the compared policies learns its schema."""
+    return "re-learned" if any(result.policy == "re-learned" for result in cells) else "schema"
+
+
 def _group(cells: Sequence[CellResult], task: str, policy: str) -> dict[int, CellResult]:
     return {result.seed: result for result in cells if (result.task, result.policy) == (task, policy)}
 
 
 def _episodes_table(cells: Sequence[CellResult]) -> list[str]:
     seeds = sorted({result.seed for result in cells})
-    heads = ["task", "policy", *(f"seed {seed}" for seed in seeds), "median", "times `schema`"]
+    learned = _learned(cells)
+    heads = ["task", "policy", *(f"seed {seed}" for seed in seeds), "median", f"times `{learned}`"]
     lines = ["## Episodes to 90 %", "", f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
     for task in _tasks(cells):
-        reference = _median(_group(cells, task, "schema"))
+        reference = _median(_group(cells, task, learned))
         for policy in POLICIES:
             group = _group(cells, task, policy)
             if group:
@@ -95,10 +110,12 @@ def _ratio(own: tuple[float, bool] | None, reference: tuple[float, bool] | None)
 
 def _schema_table(cells: Sequence[CellResult]) -> list[str]:
     heads = ["task", "the paper's schema", "solved", *SchemaVerdict]
-    lines = ["## The schema that `schema` found", "", f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
+    learned = _learned(cells)
+    lines = [f"## The schema that `{learned}` found", ""]
+    lines += [f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
     for task_name in _tasks(cells):
         task = get_task(task_name)
-        over = [result for result in _group(cells, task_name, "schema").values() if result.is_over]
+        over = [result for result in _group(cells, task_name, learned).values() if result.is_over]
         solved = [result for result in over if result.state == "solved"]
         counts = [sum(result.verdict == verdict for result in solved) for verdict in SchemaVerdict]
         numbers = [f"{len(solved)} of {len(over)}", *map(str, counts)]
@@ -111,14 +128,17 @@ def _schema_table(cells: Sequence[CellResult]) -> list[str]:
 
 
 def _cell_table(cells: Sequence[CellResult]) -> list[str]:
-    heads = ("task", "policy", "seed", "state", "episodes", "budget", "minutes", "last 100", "schema", "is")
+    heads = ["task", "policy", "seed", "state", "episodes", "skills", "budget", "minutes", "last 100"]
+    heads += ["schema", "is"]
     lines = ["## Cells", "", f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
     for result in cells:
         schema = "-" if result.schema is None else schema_words(result.schema)
-        verdict = "given" if result.policy == "oracle" else result.verdict or "-"
+        given = result.policy in ("oracle", "transferred")
+        verdict = "given" if given else result.verdict or "-"
+        skills = "-" if result.steps is None else f"{result.steps:,}"
         lines.append(
             f"| {result.task} | {result.policy} | {result.seed} | {result.state} | {result.episodes:,} "
-            f"| {result.budget:,} | {result.minutes:.1f} | {result.success_last_100:.0%} | {schema} "
-            f"| {verdict} |"
+            f"| {skills} | {result.budget:,} | {result.minutes:.1f} | {result.success_last_100:.0%} "
+            f"| {schema} | {verdict} |"
         )
     return [*lines, ""]
