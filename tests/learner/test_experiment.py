@@ -200,7 +200,7 @@ def test_an_experiment_that_is_killed_and_stopped_goes_on_to_the_same_result(tmp
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["paper-real"], "Unknown experiment 'paper-real'. .*Valid: paper-sim"),
+        (["paper-real"], "Unknown experiment 'paper-real'. .*Valid: images-sim, paper-sim"),
         (["paper-sim", "--tasks", "toy,pickin"], "Unknown task 'pickin'"),
         (["paper-sim", "--policies", "oracel"], "Unknown policy 'oracel'. Did you mean 'oracle'"),
     ],
