@@ -11,6 +11,7 @@ from taskschema.schema import one_hot_logits, softmax
 from taskschema.skills.pairs import PairSpace
 from taskschema.skills.registry import SKILLS
 from taskschema.skills.table_space import TableRectangle
+from taskschema.tasks.registry import get_task
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -22,6 +23,7 @@ def test_filters_are_those_of_the_papers_figure(family):
     assert maps_layer(layout.map_count).shape == (filters, 16, 1, 1)
     assert squeeze_layer("vgg16").shape == (16, 512, 2, 2)
     assert squeeze_layer("vgg16").stride == 2
+    assert SpatialLayout(get_task(family.replace("_", "-")).image_pairs).map_count == filters
 
 
 @pytest.mark.parametrize("trunk", TRUNKS)
@@ -35,8 +37,6 @@ def test_trunks_leave_maps_that_halve_to_8_by_8(trunk):
 
 
 def test_the_map_covers_every_place_of_the_object_and_10_cm_around_it():
-    from taskschema.tasks.registry import get_task
-
     assert get_task("lateral-lifting").table == TableRectangle((-0.18, 0.18), (-0.18, 0.18))
     assert get_task("opening").table == TableRectangle((-0.16, 0.16), (-0.16, 0.16))
     assert get_task("picking").table == TableRectangle((-0.18, 0.18), (-0.14, 0.14))
