@@ -7,6 +7,7 @@ from taskschema.arrays import FloatArray, IntArray
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
 from taskschema.tasks.task import StepResult
 from taskschema_worker.scene_environment import SceneEnvironment
+from taskschema_worker.seen_scene_environment import SeenSceneEnvironment
 
 
 @dataclass
@@ -69,3 +70,7 @@ class RecordingEnvironment(SceneEnvironment):
         """Keep the motion [M, S, nq] of the episodes [M]."""
         for episode, motion in zip(episodes, positions, strict=True):
             self._current[episode].steps[-1].positions.extend(motion.copy())
+
+
+class SeenRecordingEnvironment(RecordingEnvironment, SeenSceneEnvironment):
+    """The same, with the overhead camera that policies on images see through."""

@@ -48,6 +48,7 @@ def replay(
     """Make a film of episodes, with the names of the skills written in.
 
     Shows a run's newest policy on instances it was not trained on, or how a task is solved: --expert TASK.
+    From above, --camera overhead, a run on images shows where each arm would go: left red, right blue.
     """
     from taskschema.errors import ConfigError, UnknownNameError
     from taskschema.tasks.registry import get_task, load_task_source, read_task_file, task_of
@@ -71,7 +72,12 @@ def replay(
     rate = frame_rate(path)
 
     from taskschema_learner.replay.film import write_film
-    from taskschema_learner.replay.recorded_episodes import expert_episodes, run_episodes, scene_of
+    from taskschema_learner.replay.recorded_episodes import (
+        expert_episodes,
+        response_overlay,
+        run_episodes,
+        scene_of,
+    )
     from taskschema_learner.replay.replay import Look, draw_episodes
     from taskschema_worker.rendering.backend import working_backend
 
@@ -84,5 +90,8 @@ def replay(
         shown = run_episodes(folder, episodes, mean=not sampled)
         title = f"{folder.name}, policy version {folder.read_schema().version}"
     look = Look(camera, width, height, step)
-    write_film(path, draw_episodes(scene, shown, rate, look, title))
+    overlay = response_overlay(folder) if folder is not None and camera == "overhead" else None
+    write_film(path, draw_episodes(scene, shown, rate, look, title, overlay))
+    if overlay is not None:
+        overlay.close()
     print(f"{path}: {len(shown)} episodes, {sum(item.success for item in shown)} solved")

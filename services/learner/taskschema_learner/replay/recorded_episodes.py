@@ -4,14 +4,17 @@ import os
 from contextlib import closing
 
 from taskschema.errors import RenderingError
+from taskschema.policies import ImagePolicy, policy_of
 from taskschema.randomness import EpisodeKey, Purpose, generator
 from taskschema.tasks.registry import task_of
 from taskschema.tasks.scene_task import SceneTask
-from taskschema.tasks.task import Task
+from taskschema.tasks.task import BatchEnvironment, Task
 from taskschema_learner.evaluation import held_out_episodes, newest_policy
+from taskschema_learner.replay.response_overlay import ResponseOverlay
 from taskschema_learner.run_folder import RunFolder
 from taskschema_worker.audit.episodes import expert, run_schema
-from taskschema_worker.recording import RecordedEpisode, RecordingEnvironment
+from taskschema_worker.image_environment import ImageEnvironment
+from taskschema_worker.recording import RecordedEpisode, RecordingEnvironment, SeenRecordingEnvironment
 
 
 def scene_of(task: Task) -> SceneTask:
@@ -43,8 +46,23 @@ def run_episodes(folder: RunFolder, count: int, *, mean: bool) -> list[RecordedE
 
     """
     task = scene_of(task_of(folder.config))
-    if folder.config.observation != "state":
-        raise RenderingError(f"{folder.path} is a run on pictures, which replay does not show yet.")
-    environment = RecordingEnvironment(task, threads=os.cpu_count() or 1)
+    threads = os.cpu_count() or 1
+    on_images = folder.config.observation == "image"
+    recording = (SeenRecordingEnvironment if on_images else RecordingEnvironment)(task, threads)
+    environment: BatchEnvironment = recording
+    if isinstance(recording, SeenRecordingEnvironment):
+        environment = ImageEnvironment(task, recording)
     held_out_episodes(folder, newest_policy(folder), count, mean=mean, environment=environment)
-    return environment.episodes
+    return recording.episodes
+
+
+def response_overlay(folder: RunFolder) -> ResponseOverlay | None:
+    """Return what lays the newest policy's response maps over overhead pictures; None: it sees states.
+
+    Raises:
+        TaskschemaError: if the run has no policy yet, its task no scene, or nothing here can draw.
+
+    """
+    task = scene_of(task_of(folder.config))
+    policy = policy_of(folder.config, task, newest_policy(folder))
+    return ResponseOverlay(task, policy) if isinstance(policy, ImagePolicy) else None
