@@ -92,7 +92,7 @@ def frozen_trunk(frames: int) -> None:
 
 
 def main() -> None:
-    """Measure with one thread for products, in processor time of all threads: other work on the machine does not count."""
+    """Measure processor time of all threads, products on one: other work on the machine does not count."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--slots", type=int, default=10)
     parser.add_argument("--frames", type=int, default=8)

@@ -13,7 +13,7 @@ from taskschema_worker.rendering.scene_renderer import SceneRenderer
 COLOURS = np.array([[220.0, 40.0, 40.0], [30.0, 90.0, 230.0]])
 """Of the left and the right arm."""
 STRONGEST = 0.6
-"""How much of the picture the likeliest cell hides."""
+"""How much of the picture the likeliest cell hides, if no others are likely; an even map hides nothing."""
 
 
 class ResponseOverlay:
@@ -61,6 +61,7 @@ def tinted(picture: Frame, maps: FloatArray, task: SceneTask) -> Frame:
     cells = np.ix_(rows[(rows >= 0) & (rows < GRID)], columns[(columns >= 0) & (columns < GRID)])
     result = picture.astype(np.float64)
     for response, colour in zip(maps, COLOURS, strict=True):
-        weight = STRONGEST * (response / response.max())[cells][..., None]
+        share = (response - response.min()) / response.max()
+        weight = STRONGEST * share[cells][..., None]
         result[inside] = (1.0 - weight) * result[inside] + weight * colour
     return result.round().astype(np.uint8)
