@@ -5,10 +5,10 @@ state dict consists of are followed with plain data: names stay names, and nothi
 """
 
 import io
-import pickletools
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from pickletools import genops
 from typing import Any, BinaryIO, cast
 
 import numpy as np
@@ -127,7 +127,7 @@ def _follow(stream: BinaryIO) -> Any:  # noqa: ANN401 - plain data of any kind
         del stack[start:]
         return items
 
-    for opcode, given, _ in pickletools.genops(stream):
+    for opcode, given, _ in genops(stream):
         name, argument = opcode.name, cast(Any, given)
         if name in _CONSTANTS:
             stack.append(_CONSTANTS[name]())
