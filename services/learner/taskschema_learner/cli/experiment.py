@@ -12,7 +12,7 @@ DEFAULTS = {
     "paper-sim": (None, "schema,state,oracle", 5, 200_000),
     "images-sim": ("lateral-lifting,opening", "transferred,re-learned", 3, 40_000),
 }
-"""Tasks (None: the paper's four), policies, seeds and budget of each; why 40,000: docs/train-from-images.md."""
+"""Tasks (None: the paper's four), policies, seeds and budget; why 40,000: docs/train-from-images.md."""
 
 
 def register(app: typer.Typer) -> None:
