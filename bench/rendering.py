@@ -1,13 +1,14 @@
 """Row 14: the overhead frame that a policy sees: how long it takes, and what the arms hide in it."""
 
+import time
 from statistics import median
 
 from bench.entry import Entry
+from taskschema.frames import FRAME_SIZE
 from taskschema.tasks.registry import get_task, task_names
 from taskschema.tasks.scene_task import SceneTask
 from taskschema_learner.replay.recorded_episodes import expert_episodes
 from taskschema_worker.recording import RecordedEpisode
-from taskschema_worker.rendering.frame import FRAME_SIZE
 from taskschema_worker.rendering.scene_renderer import SceneRenderer
 from taskschema_worker.rendering.speed import milliseconds_per_frame
 
@@ -19,8 +20,11 @@ def measure(repeats: int, episodes: int = EPISODES) -> list[Entry]:
     scenes = [task for task in map(get_task, task_names()) if isinstance(task, SceneTask)]
     entries = []
     for task in scenes:
-        times = [median(milliseconds_per_frame(task)) for _ in range(repeats)]
-        entries.append(Entry.of(14, f"{task.name}: an overhead frame", times, "ms", TARGET_MS, "lower"))
+        # Processor time of all of the renderer's threads: at least the wall time of a machine left alone.
+        times = [median(milliseconds_per_frame(task, clock=time.process_time)) for _ in range(repeats)]
+        entries.append(
+            Entry.of(14, f"{task.name}: an overhead frame, processor time", times, "ms", TARGET_MS, "lower")
+        )
     for task in scenes:
         entries += _visibility(task, episodes)
     return entries

@@ -54,7 +54,24 @@ CASES = {
     "no task": (["train"], "Name a TASK"),
     "unknown policy": (["train", "toy", "--policy", "shema"], "Did you mean 'schema'?"),
     "unknown observation": (["train", "toy", "--observation", "sound"], "Valid: image, state"),
-    "images": (["train", "toy", "--observation", "image"], "not there yet"),
+    "a trunk for states": (["train", "toy", "--trunk", "small"], "for --observation image"),
+    "unknown trunk": (["train", "toy", "--observation", "image", "--trunk", "vgg"], "Did you mean 'vgg16'?"),
+    "the baseline on images": (
+        ["train", "toy", "--observation", "image", "--policy", "state"],
+        "low-dimensional state",
+    ),
+    "no weights": (
+        ["train", "toy", "--observation", "image", "--vgg-weights", "none.pth"],
+        "cannot be read",
+    ),
+    "weights of no kind": (
+        ["train", "toy", "--observation", "image", "--vgg-weights", "task.py"],
+        "do not fit",
+    ),
+    "a public key of no kind": (
+        ["train", "toy", "--init-schema", "no_schema.json", "--schema-public-key", "task.py"],
+        "holds no public key",
+    ),
     "unknown task file": (["train", "--task-file", "no.py:Task"], "'no.py' cannot be read"),
     "task file without class": (["train", "--task-file", "task.py"], "FILE:CLASS"),
     "broken task file": (["train", "--task-file", "task.py:Task"], "ValueError: broken"),

@@ -1,5 +1,6 @@
 """The paper's experiment: its order, its budgets, its tables, and that it can be stopped at any time."""
 
+import fcntl
 import json
 import re
 import signal
@@ -14,10 +15,14 @@ import pytest
 from taskschema.config import RunConfig
 from taskschema_learner.default_config import default_config
 from taskschema_learner.experiment.cell import Cell, CellResult
+from taskschema_learner.experiment.experiment import without_places
 from taskschema_learner.experiment.measurement import CURVE_ROWS, thinned_curve
 from taskschema_learner.experiment.plan import Plan, next_cell
 from taskschema_learner.experiment.report import report
 from taskschema_learner.experiment.results_folder import ResultsFolder, Summary
+from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.run_hash import run_hash
+from taskschema_learner.verification import verify
 
 COMMAND = Path(sys.executable).with_name("taskschema")
 ORACLE = [
@@ -132,45 +137,63 @@ def test_the_page_says_medians_ratios_and_verdicts_as_computed_by_hand():
     assert "| toy | state | 0 | not solved | 30,000 | 30,000 | 1.0 | 2% | - | - |" in page
 
 
+def test_the_recorded_command_names_no_folder_of_this_machine():
+    typed = "taskschema experiment paper-sim --tasks toy --runs-dir /somewhere/else --out=here --workers 0"
+    assert without_places(typed) == "taskschema experiment paper-sim --tasks toy --workers 0"
+
+
 def command(place, *arguments):
     return subprocess.Popen(
         [COMMAND, *arguments], cwd=place, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
 
 
-def test_an_experiment_that_is_stopped_goes_on_to_the_same_result(tmp_path):
-    process = command(tmp_path, *ORACLE)
-    metrics = tmp_path / "runs" / "paper-sim" / "toy-oracle-seed0" / "metrics.csv"
-    deadline = time.monotonic() + 120
-    while not (metrics.exists() and len(metrics.read_text().splitlines()) > 3):
+def wait_for_rounds(process, metrics, rounds):
+    deadline = time.monotonic() + 200
+    while not (metrics.exists() and len(metrics.read_text().splitlines()) > rounds):
         assert process.poll() is None, process.stdout.read()
         assert time.monotonic() < deadline
         time.sleep(0.01)
+
+
+@pytest.mark.timeout(600)
+def test_an_experiment_that_is_killed_and_stopped_goes_on_to_the_same_result(tmp_path):
+    run = tmp_path / "runs" / "paper-sim" / "toy-oracle-seed0"
+    metrics = run / "metrics.csv"
+    process = command(tmp_path, *ORACLE)
+    wait_for_rounds(process, metrics, 2)
+    process.kill()
+    process.wait()
+    with (run / "learner.lock").open() as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # waits until the cell's training has ended, too
+
+    process = command(tmp_path, *ORACLE)
+    wait_for_rounds(process, metrics, 6)
     process.send_signal(signal.SIGTERM)
-    output, _ = process.communicate(timeout=60)
+    output, _ = process.communicate(timeout=200)
     assert process.returncode == 0, output
     assert "Stopped. Continue with: taskschema experiment paper-sim --tasks toy" in output
+    assert "Warning" not in output
     results = tmp_path / "results" / "paper-sim"
     stopped = json.loads((results / "summary.json").read_text())["cells"][0]
     assert stopped["state"] == "interrupted"
     assert f"{stopped['episodes']:,} so far" in (results / "README.md").read_text()
 
-    output, _ = command(tmp_path, *ORACLE).communicate(timeout=120)
+    output, _ = command(tmp_path, *ORACLE).communicate(timeout=200)
     assert "Going on after" in output, output
     done = json.loads((results / "summary.json").read_text())["cells"][0]
     assert done["state"] == "solved"
     assert done["episodes"] > stopped["episodes"]
-    whole = ["train", "toy", "--policy", "oracle", "--workers", "0", "--api", "none", "--run-dir", "whole"]
-    command(tmp_path, *whole).communicate(timeout=120)
-    assert command(tmp_path, "hash", "whole").communicate(timeout=60)[0].strip() == done["sha256"]
+    assert done["sha256"] == run_hash(RunFolder.open(run))
+    assert verify(RunFolder.open(run), done["rounds"]).same  # what was never stopped has the same hashes
 
     # A third start has nothing to train, not even where the runs are gone; the figure comes from the tables.
     metrics.parent.rename(tmp_path / "gone")
-    output, _ = command(tmp_path, *ORACLE).communicate(timeout=60)
+    output, _ = command(tmp_path, *ORACLE).communicate(timeout=200)
     assert "All cells are done" in output
     assert "Training" not in output
     (results / "figure.png").unlink()
-    output, _ = command(tmp_path, "plot", "results/paper-sim").communicate(timeout=60)
+    output, _ = command(tmp_path, "plot", "results/paper-sim").communicate(timeout=200)
     assert (results / "figure.png").read_bytes().startswith(b"\x89PNG"), output
 
 
@@ -184,7 +207,7 @@ def test_an_experiment_that_is_stopped_goes_on_to_the_same_result(tmp_path):
 )
 def test_bad_words_are_named_with_the_valid_ones(tmp_path, arguments, words):
     process = command(tmp_path, "experiment", *arguments)
-    output, _ = process.communicate(timeout=60)
+    output, _ = process.communicate(timeout=200)
     assert process.returncode == 1
     assert re.search(words, output), output
     assert list(tmp_path.iterdir()) == []
@@ -196,9 +219,9 @@ def test_results_of_other_settings_or_damaged_ones_stop_it_and_stay(tmp_path):
     other = RunConfig(task="toy", policy="oracle", slots=7).config_hash
     folder.write(Summary(experiment="paper-sim", cells=(result("toy", "oracle", 0, 600, config_hash=other),)))
     before = (folder.path / "summary.json").read_bytes()
-    output, _ = command(tmp_path, *ORACLE).communicate(timeout=60)
+    output, _ = command(tmp_path, *ORACLE).communicate(timeout=200)
     assert "toy-oracle-seed0 with other settings" in output
     assert (folder.path / "summary.json").read_bytes() == before
     (folder.path / "summary.json").write_text("{")
-    output, _ = command(tmp_path, *ORACLE).communicate(timeout=60)
+    output, _ = command(tmp_path, *ORACLE).communicate(timeout=200)
     assert "summary.json cannot be read" in output

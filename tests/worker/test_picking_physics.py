@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from taskschema.tasks.picking import BALL_RADIUS, DENSITY, LIFT_GOAL, Picking
+from taskschema_worker.audit.search import Search, search_arguments
 from taskschema_worker.scene_environment import SceneEnvironment
 from taskschema_worker.simulation import Simulation
 
@@ -46,7 +47,7 @@ def test_ball_nobody_touches_stays_where_it_is(environment):
 
 @pytest.mark.parametrize("arm", [0, 1])
 def test_a_single_gripper_s_grasp_and_lift_drops_the_ball(environment, arm):
-    """The fingers come down on the ball's middle, and slip off it."""
+    """The fingers come down on the ball's middle, close on its upper side, and it slips out of them."""
 
     def central(observations, step):
         arguments = TASK.expert_arguments(observations, step)
@@ -65,6 +66,21 @@ def test_one_arm_with_the_expert_s_arguments_lifts_nothing(environment, idle):
     positions, success = run(environment, schema, 8)
     assert not success.any()
     assert (positions[..., 2] < BALL_RADIUS + 0.5 * LIFT_GOAL).all()
+
+
+@pytest.mark.parametrize(
+    "schema",
+    [
+        [("top_grasp", "no_op"), ("lift", "no_op")],
+        [("no_op", "go_to_pose"), ("no_op", "top_grasp"), ("no_op", "lift")],
+        [("go_to_pose", "no_op"), ("go_to_pose", "no_op"), ("lift", "no_op")],
+    ],
+)
+def test_no_arguments_that_a_search_finds_lift_the_ball_with_one_arm(environment, schema):
+    environment.measure_distance = True
+    found = search_arguments(environment, TASK, tuple(schema), 0, 0, Search(48, 3, 24))
+    assert found.training_successes == 0
+    assert found.successes == 0
 
 
 def test_hands_that_no_longer_press_drop_the_ball(environment):

@@ -8,12 +8,12 @@ import pytest
 from rendering_setup import needs_renderer
 
 from taskschema.errors import RenderingError
+from taskschema.frames import FRAME_SIZE
 from taskschema.tasks.lateral_lifting import LateralLifting
 from taskschema.tasks.scene_task import ObjectInstance
+from taskschema.visual_scene import OVERHEAD_HEIGHT, OVERHEAD_VIEW
 from taskschema_worker.rendering import backend
-from taskschema_worker.rendering.frame import FRAME_SIZE
 from taskschema_worker.rendering.scene_renderer import SceneRenderer
-from taskschema_worker.rendering.visual_scene import OVERHEAD_HEIGHT, OVERHEAD_VIEW
 
 pytestmark = needs_renderer
 ALONG_X, ALONG_Y = (1.0, 0.0, 0.0, 0.0), (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))

@@ -9,7 +9,7 @@ import pickletools
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 
@@ -127,8 +127,8 @@ def _follow(stream: BinaryIO) -> Any:  # noqa: ANN401 - plain data of any kind
         del stack[start:]
         return items
 
-    for opcode, argument, _ in pickletools.genops(stream):
-        name = opcode.name
+    for opcode, given, _ in pickletools.genops(stream):
+        name, argument = opcode.name, cast(Any, given)
         if name in _CONSTANTS:
             stack.append(_CONSTANTS[name]())
         elif name in _LITERALS:

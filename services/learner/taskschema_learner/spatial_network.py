@@ -115,12 +115,12 @@ class SpatialNetwork:
         if not self._frozen:
             return frames.to(self.flat.device)
         with torch.no_grad():
-            parts = [self._features(part) for part in frames.split(FRAMES_AT_ONCE)]
+            parts = [self._features(part) for part in torch.split(frames, FRAMES_AT_ONCE)]
         return torch.cat(parts)
 
     def __call__(self, inputs: Tensor) -> SpatialEvaluation:
         """Run the network on what `inputs` returned, [B, ...]."""
-        parts = [self._maps_of(part) for part in inputs.split(FRAMES_AT_ONCE)]
+        parts = [self._maps_of(part) for part in torch.split(inputs, FRAMES_AT_ONCE)]
         squeezed, maps = (torch.cat(tensors) for tensors in zip(*parts, strict=True))
         weights, arms, count = self._views(), len(ARMS), len(inputs)
         flat = maps.flatten(2)
@@ -158,7 +158,7 @@ class SpatialNetwork:
     def _views(self) -> dict[str, Tensor]:
         """Return the trained parameters by name, as views of `flat`."""
         sizes = [math.prod(shape) for shape in self._shapes.values()]
-        parts = self.flat.split(sizes)
+        parts = torch.split(self.flat, sizes)
         return {
             name: part.view(shape) for part, (name, shape) in zip(parts, self._shapes.items(), strict=True)
         }

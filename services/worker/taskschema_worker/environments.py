@@ -17,17 +17,24 @@ def make_environment(
         ConfigError: for `image`, if nothing shows how the task looks.
         RenderingError: for `image`, if nothing on this machine can draw.
     """
+    if observation == "image":
+        return _image_environment(task, threads)
     if isinstance(task, SceneTask):
         from taskschema_worker.scene_environment import SceneEnvironment
 
-        environment: BatchEnvironment = SceneEnvironment(task, threads)
-    else:
-        environment = task.make_environment(threads)
-    if observation == "state":
-        return environment
+        return SceneEnvironment(task, threads)
+    return task.make_environment(threads)
+
+
+def _image_environment(task: Task, threads: int) -> BatchEnvironment:
+    from taskschema_worker.image_environment import ImageEnvironment
+
+    if isinstance(task, SceneTask):
+        from taskschema_worker.seen_scene_environment import SeenSceneEnvironment
+
+        return ImageEnvironment(task, SeenSceneEnvironment(task, threads))
+    environment = task.make_environment(threads)
     if not hasattr(environment, "frames"):
         environment.close()
         raise ConfigError(f"Task {task.name!r} has no pictures: use --observation state.")
-    from taskschema_worker.image_environment import ImageEnvironment
-
     return ImageEnvironment(task, cast(SeenEnvironment, environment))

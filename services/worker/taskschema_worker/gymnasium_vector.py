@@ -9,7 +9,8 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from taskschema.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from taskschema.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from taskschema.config import ObservationKind
 from taskschema.tasks.registry import get_task
 from taskschema.tasks.task import BatchEnvironment, Task
 from taskschema_worker.gymnasium_environment import (
@@ -20,7 +21,7 @@ from taskschema_worker.gymnasium_environment import (
     observation_space,
 )
 
-Step = tuple[Float32Array, FloatArray, BoolArray, BoolArray, dict[str, Any]]
+Step = tuple[AnyArray, FloatArray, BoolArray, BoolArray, dict[str, Any]]
 
 
 @dataclass
@@ -42,22 +43,24 @@ class TaskVectorEnvironment(VectorEnv[Any, Action, Any]):
     """
 
     def __init__(
-        self, task: Task | str, num_envs: int = 1, obs_type: str = "state", threads: int = 1
+        self, task: Task | str, num_envs: int = 1, obs_type: ObservationKind = "state", threads: int = 1
     ) -> None:
         self.metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}
         self.task = get_task(task) if isinstance(task, str) else task
         self.num_envs = num_envs
         self.layout = self.task.observation
-        """Fields of the observation, with units and meaning."""
+        """Fields of the observation, with units and meaning; of states."""
+        self.obs_type = obs_type
         self.single_observation_space = observation_space(self.task, obs_type)
-        self.single_action_space = action_space(self.task)
+        self.single_action_space = action_space(self.task, obs_type)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._threads = threads
         self._generators: list[np.random.Generator] = []
         self._cohorts: list[_Cohort] = []
         self._spare: list[BatchEnvironment] = []
-        self._observations = np.zeros((num_envs, self.layout.size), dtype=np.float32)
+        space = self.single_observation_space
+        self._observations: AnyArray = np.zeros((num_envs, *space.shape), dtype=space.dtype)
         self._steps = np.zeros(num_envs, dtype=np.int64)
         self._over = np.zeros(num_envs, dtype=bool)
 
@@ -69,11 +72,11 @@ class TaskVectorEnvironment(VectorEnv[Any, Action, Any]):
     @property
     def argument_names(self) -> tuple[str, ...]:
         """The A arguments with their units, for example `left.reach.x [m]`."""
-        return argument_names(self.task)
+        return argument_names(self.task, self.obs_type)
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Float32Array, dict[str, Any]]:
+    ) -> tuple[AnyArray, dict[str, Any]]:
         """Start N episodes."""
         seeds = (
             seed
@@ -100,7 +103,7 @@ class TaskVectorEnvironment(VectorEnv[Any, Action, Any]):
         resetting = self._over
         success = np.zeros(self.num_envs, dtype=bool)
         diverged = np.zeros(self.num_envs, dtype=bool)
-        arguments = self.task.pairs.to_si(np.asarray(actions["arguments"]))
+        arguments = self.task.seen_pairs(self.obs_type).to_si(np.asarray(actions["arguments"]))
         pairs = np.asarray(actions["pair"], dtype=np.int64)
         for cohort in self._cohorts:
             local = np.flatnonzero(cohort.running)
@@ -138,7 +141,9 @@ class TaskVectorEnvironment(VectorEnv[Any, Action, Any]):
 
     def _begin(self, members: IntArray) -> None:
         """Start the members' next episodes as a cohort of their own."""
-        environment = self._spare.pop() if self._spare else build_environment(self.task, self._threads)
+        environment = (
+            self._spare.pop() if self._spare else build_environment(self.task, self._threads, self.obs_type)
+        )
         self._observations[members] = environment.reset([self._generators[i] for i in members])
         self._steps[members] = 0
         self._cohorts.append(_Cohort(environment, members, np.ones(len(members), dtype=bool)))

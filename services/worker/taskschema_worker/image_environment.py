@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from taskschema.arrays import FloatArray, IntArray
-from taskschema.frames import Frames, check_colour_order, check_frames
+from taskschema.frames import FRAME_SHAPE, Frames, check_colour_order, check_frames
 from taskschema.skills.table_space import LOCATION, OWN_HEIGHT
 from taskschema.tasks.task import SeenEnvironment, StepResult, Task
 
@@ -21,6 +21,10 @@ class ImageEnvironment:
     def __init__(self, task: Task, environment: SeenEnvironment) -> None:
         self._task = task
         self._environment = environment
+        self._steps: IntArray = np.empty(0, dtype=np.int64)
+        self.sees_the_end = False
+        """Whether to look at episodes that are over, too: nobody acts there, and rendering takes most of the
+        time. Where it is not done, the frame is black."""
 
     def reset(self, generators: Sequence[np.random.Generator]) -> Frames:
         """Start one episode per generator and return what is seen.
@@ -29,6 +33,7 @@ class ImageEnvironment:
             FrameError: if a frame cannot come from a working camera.
         """
         self._environment.reset(generators)
+        self._steps = np.zeros(len(generators), dtype=np.int64)
         frames = self._see(np.arange(len(generators)))
         check_colour_order(frames)
         return frames
@@ -37,10 +42,12 @@ class ImageEnvironment:
         """Run one step of the episodes [M], with SI arguments [M, A] on the table."""
         anchors = self._environment.pose_anchors(episodes)
         result = self._environment.step(episodes, pairs, offset_arguments(self._task, arguments, anchors))
-        # An episode that is over is not looked at again: rendering is most of the time.
-        frames = np.zeros((len(episodes), *self._shape), dtype=np.uint8)
-        seen = np.flatnonzero(~(result.success | result.diverged))
-        frames[seen] = self._see(episodes[seen])
+        self._steps[episodes] += 1
+        over = result.success | result.diverged | (self._steps[episodes] >= self._task.horizon)
+        seen = np.flatnonzero(~over | self.sees_the_end)
+        frames = np.zeros((len(episodes), *FRAME_SHAPE), dtype=np.uint8)
+        if len(seen):
+            frames[seen] = self._see(episodes[seen])
         return StepResult(frames, result.success, result.diverged, result.physics_steps)
 
     def close(self) -> None:
@@ -50,7 +57,6 @@ class ImageEnvironment:
     def _see(self, episodes: IntArray) -> Frames:
         frames = self._environment.frames(episodes)
         check_frames(frames)
-        self._shape = frames.shape[1:]
         return frames
 
 

@@ -1,9 +1,11 @@
 """Rollouts: the episodes of some slots, run as one batch on one policy version."""
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from taskschema.arrays import AnyArray, Float32Array
 from taskschema.policies import ActingPolicy
@@ -64,7 +66,8 @@ def collect_slots(
     live = np.arange(len(keys))
     for step in range(horizon):
         streams = [generator(keys[index], Purpose.ACTION, step) for index in live]
-        actions = policy.act(observations, step, streams)
+        with _one_thread(observations):
+            actions = policy.act(observations, step, streams)
         result = environment.step(live, actions.pairs, actions.arguments)
         for row, index in enumerate(live):
             episode = episodes[index]
@@ -83,6 +86,11 @@ def collect_slots(
     return [
         trajectories[start : start + episodes_per_slot] for start in range(0, len(keys), episodes_per_slot)
     ]
+
+
+def _one_thread(observations: AnyArray) -> AbstractContextManager[object]:
+    """Let BLAS use one thread for frames: how it shares a convolution's product changes bits."""
+    return threadpool_limits(limits=1) if observations.dtype == np.uint8 else nullcontext()
 
 
 def _as_streamed(observations: AnyArray) -> AnyArray:

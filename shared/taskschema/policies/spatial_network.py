@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from taskschema.arrays import Float32Array
+from taskschema.arrays import AnyArray, Float32Array
 from taskschema.frames import Frames
 from taskschema.policies.network import LOG_STD_RANGE
 from taskschema.policies.spatial_layout import CELLS, SpatialLayout
@@ -79,14 +79,16 @@ class SpatialNetwork:
         """Return the maps [2 + 4 + 2p, 8, 8] and the value of one frame [256, 256, 3]."""
         self.trunk_passes += 1
         pixels = frame.astype(np.float32) / np.float32(255)
-        hidden = (pixels - np.float32(IMAGENET_MEAN)) / np.float32(IMAGENET_STD)
+        mean, std = (np.array(values, dtype=np.float32) for values in (IMAGENET_MEAN, IMAGENET_STD))
+        hidden: Float32Array = (pixels - mean) / std
         for layer in self._trunk:
             hidden = np.maximum(_convolve(hidden, layer, self._weights), np.float32(0))
             if layer.pooled:
                 height, width, channels = hidden.shape
                 hidden = hidden.reshape(height // 2, 2, width // 2, 2, channels).max(axis=(1, 3))
         channels_first = np.moveaxis(hidden, 2, 0)
-        sampled = np.moveaxis(self._rows @ channels_first @ self._columns.T, 0, 2)
+        over_table: AnyArray = self._rows @ channels_first @ self._columns.T
+        sampled: Float32Array = np.moveaxis(over_table, 0, 2)
         squeezed = np.maximum(_convolve(sampled, self._squeeze, self._weights), np.float32(0))
         maps = _convolve(squeezed, self._maps, self._weights)
         flat = np.moveaxis(squeezed, 2, 0).reshape(-1)

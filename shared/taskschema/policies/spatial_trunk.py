@@ -44,7 +44,8 @@ class Convolution:
 
 def _vgg16() -> tuple[Convolution, ...]:
     """Return VGG16's first four blocks: 2, 2, 3 and 3 convolutions, a max-pool after each block."""
-    layers, inputs = [], 3
+    layers: list[Convolution] = []
+    inputs = 3
     for outputs, count in ((64, 2), (128, 2), (256, 3), (512, 3)):
         for position in range(count):
             name = f"trunk.{len(layers)}"

@@ -11,20 +11,20 @@ from taskschema.skills.pairs import PairSpace
 from taskschema.skills.registry import SKILLS
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
 
-BALL_RADIUS = 0.06
+BALL_RADIUS = 0.075
 """[m]"""
-DENSITY = 440.0
+DENSITY = 226.0
 """[kg/m^3] a ball of 0.4 kg."""
 LOCATION_RANGE = (0.08, 0.04)
 """The ball's centre is drawn uniformly within +- these distances of the table's centre in x and y [m]."""
-FRICTION_RANGE = (0.5, 0.8)
+FRICTION_RANGE = (0.7, 1.0)
 """Coefficient of sliding friction between the ball and whatever touches it."""
 ROLLING_RESISTANCE = 0.012
 """[m] how far ahead of its centre a rolling ball is supported: a soft ball that soon comes to rest."""
 LIFT_GOAL = 0.25
 """[m] paper: 25 cm."""
 
-GRASP_DISTANCE = 0.075
+GRASP_DISTANCE = 0.09
 """[m] from the ball's centre to where the expert's top grasp comes down beside it."""
 PRESS_OFFSET = (0.01, -0.015)
 """[m] past the ball's centre, and up, where the expert's go-to pose aims."""

@@ -1,8 +1,10 @@
+import base64
 import json
 
 import numpy as np
 import pytest
 from api_setup import RUN, snapshot
+from spatial_setup import image_config, some_policy, toy_frames
 
 from taskschema.config import RunConfig
 from taskschema.policies import Policy
@@ -78,7 +80,8 @@ def test_skills_without_arguments_come_without(served):
         ({"observation": [*VECTOR[:-1], True]}, "body.observation.vector.8"),
         ({"observation": [*VECTOR[:-1], 1e300]}, "observation must hold finite numbers"),
         ({"observation": [*VECTOR[:-1], 10**400]}, "body.observation.vector.8"),
-        ({"observation": "text"}, "body.observation: must be an object of fields or a list"),
+        ({"observation": 5}, "body.observation: must be an object of fields or a list"),
+        ({"observation": "text"}, "This run sees states"),
         ({"observation": None}, "body.observation: must be an object of fields or a list"),
         ({"observation": {}}, "observation lacks: handles, holding, timestep."),
         ({"observation": {**FIELDS, "handels": [1]}}, "Did you mean 'handles'?"),
@@ -104,26 +107,60 @@ def test_numbers_that_are_not_finite_are_refused(served, number):
 
 
 def test_a_huge_body_is_refused(served):
-    answer = act(served.http, observation=[0.5] * 30_000)
+    answer = act(served.http, observation=[0.5] * 100_000)
     assert answer.status_code == 413
     assert answer.text == "Content Too Large"
 
 
 def test_a_huge_body_of_unknown_length_is_refused(served):
     def chunks():
-        for _ in range(100):
+        for _ in range(400):
             yield b" " * 1000
 
     answer = served.http.post("/act", content=chunks(), headers={"Content-Type": "application/json"})
     assert answer.status_code == 413
 
 
-def test_a_run_that_sees_images_says_so(served):
-    served.records.register_run("pictures", RunConfig(task="toy", observation="image"))
-    served.records.write_policy("pictures", snapshot(1))
-    answer = served.http.post("/act?run=pictures", json={"observation": VECTOR, "step": 0})
-    assert answer.status_code == 409
-    assert "sees images" in answer.json()["detail"]
+@pytest.fixture
+def pictures(served):
+    served.records.register_run("pictures", image_config())
+    policy = some_policy(logits=snapshot(3).logits)
+    served.records.write_policy("pictures", policy.snapshot)
+    return policy
+
+
+def see(served, frame, **body):
+    data = base64.b64encode(frame.tobytes()).decode()
+    return served.http.post("/act?run=pictures", json={"observation": data, "step": 0, **body})
+
+
+def test_a_run_on_images_takes_a_frame_and_shows_its_response_maps(served, pictures):
+    frames = toy_frames(1)
+    answer = see(served, frames[0], mode="mean", response_maps=True).json()
+    expected = pictures.act_mean(frames, 0)
+    assert answer["pair"] == ["reach", "reach"]
+    assert answer["left"]["arguments"]["x"]["value"] == pytest.approx(expected.arguments[0][0], rel=1e-4)
+    maps = answer["response_maps"]
+    assert maps["x"] == maps["y"] == [-0.1, 0.1]
+    assert np.array([maps["left"], maps["right"]]) == pytest.approx(
+        pictures.response_maps(frames)[0], rel=1e-4
+    )  # BLAS may use another number of threads there
+    assert np.sum(maps["left"]) == pytest.approx(1.0)
+    assert see(served, frames[0]).json()["response_maps"] is None
+
+
+def test_what_is_no_frame_is_one_clear_line(served, pictures):
+    frame = toy_frames(1)[0]
+    for body, line in (
+        (see(served, frame[:100]), "expected 196608"),
+        (see(served, frame * 0), "black"),
+        (served.http.post("/act?run=pictures", json={"observation": "?", "step": 0}), "not base64"),
+        (served.http.post("/act?run=pictures", json={"observation": VECTOR, "step": 0}), "sees images"),
+        (act(served.http, observation="AAAA"), "sees states"),
+        (act(served.http, response_maps=True), "only a policy on images"),
+    ):
+        assert body.status_code == 422
+        assert line in body.json()["detail"]
 
 
 def test_a_task_file_that_does_not_load_here_is_told(served):

@@ -17,6 +17,8 @@ from taskschema_learner.api.process import ApiProcess
 from taskschema_learner.api.tokens import TOKEN_VARIABLE
 from taskschema_learner.api.transport import Tls
 
+COMMAND = str(Path(sys.executable).with_name("taskschema"))
+
 
 @pytest.fixture(scope="module")
 def certificates(tmp_path_factory):
@@ -43,10 +45,18 @@ def test_the_api_behind_tls(redis_url, served, certificates):
             httpx.get(f"{api.url.replace('https', 'http')}/schema")
 
 
-def test_the_command_speaks_tls(redis_url, certificates):
-    options = ["--port", "0", "--tls-cert", str(certificates.certificate), "--tls-key", str(certificates.key)]
+@pytest.mark.parametrize(
+    ("words", "prefix"),
+    [
+        ([sys.executable, "-m", "taskschema_learner.api", "--port", "0"], "--tls"),
+        ([COMMAND, "serve", RUN, "--api", "127.0.0.1:0"], "--api-tls"),
+    ],
+    ids=["the API's own command", "taskschema serve"],
+)
+def test_the_commands_speak_tls(redis_url, certificates, words, prefix):
+    options = [f"{prefix}-cert", str(certificates.certificate), f"{prefix}-key", str(certificates.key)]
     process = subprocess.Popen(
-        [sys.executable, "-m", "taskschema_learner.api", *options],
+        [*words, *options],
         stdout=subprocess.PIPE,
         text=True,
         env={**os.environ, REDIS_VARIABLE: redis_url, TOKEN_VARIABLE: TOKEN},

@@ -27,7 +27,7 @@ from taskschema_learner.api.state import ApiState
 
 log = logging.getLogger("taskschema.api")
 
-MAX_BODY_BYTES = 64 * 1024
+MAX_BODY_BYTES = 288 * 1024
 """Largest request body; a state observation has a few kilobytes."""
 RETRY_AFTER = {"Retry-After": "2"}
 

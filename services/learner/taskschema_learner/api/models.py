@@ -129,17 +129,20 @@ Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 
 def _observation_form(value: Any) -> str | None:  # noqa: ANN401 - anything can be sent
-    if isinstance(value, dict):
-        return "fields"
-    return "vector" if isinstance(value, list) else None
+    forms: dict[type, str] = {dict: "fields", list: "vector", str: "frame"}
+    return forms.get(type(value))
 
 
 Observation = Annotated[
-    Annotated[dict[str, Number | list[Number]], Tag("fields")] | Annotated[list[Number], Tag("vector")],
+    Annotated[dict[str, Number | list[Number]], Tag("fields")]
+    | Annotated[list[Number], Tag("vector")]
+    | Annotated[str, Tag("frame")],
     Discriminator(
         _observation_form,
         custom_error_type="observation_form",
-        custom_error_message="must be an object of fields or a list of numbers: see GET /policy/meta",
+        custom_error_message=(
+            "must be an object of fields or a list of numbers, or on images a string: see GET /policy/meta"
+        ),
     ),
 ]
 
@@ -164,13 +167,16 @@ class ActRequest(ApiModel):
     )
 
     observation: Observation
-    """SI values by field name, or the flat vector of D numbers; GET /policy/meta lists the fields."""
+    """SI values by field name, or the flat vector of D numbers; GET /policy/meta lists the fields. Of a run
+    on images: the frame's 256 x 256 x 3 bytes, RGB, row by row from the top, in base64."""
     step: Annotated[int, Field(strict=True, ge=0, le=LARGEST_INTEGER), WHOLE]
     """Step of the episode, from 0 to T - 1 (row `t` = step + 1 of the schema)."""
     mode: Literal["sampled", "mean"] = "sampled"
     """`sampled`: draw pair and arguments, as in training; `mean`: the most probable pair, mean arguments."""
     seed: Annotated[int, Field(strict=True, ge=0, le=LARGEST_INTEGER), WHOLE] | None = None
     """Makes a sampled answer repeatable; null: a random one, which the answer tells."""
+    response_maps: bool = False
+    """Of a run on images: whether to answer with both arms' distributions over the table, too."""
 
 
 class ArgumentValue(ApiModel):
@@ -189,6 +195,17 @@ class SkillCall(ApiModel):
     """By name, in the skill's order; empty for a skill without arguments."""
 
 
+class ResponseMaps(ApiModel):
+    """Where on the table each arm would go: probabilities of 8 x 8 cells."""
+
+    x: tuple[float, float]
+    """From the left edge of the first column to the right edge of the last, world frame [m]."""
+    y: tuple[float, float]
+    """From the lower edge of the last row to the upper edge of the first, world frame [m]."""
+    left: list[list[float]]
+    right: list[list[float]]
+
+
 class ActAnswer(ApiModel):
     """What both arms do in this step, at the same time."""
 
@@ -203,6 +220,8 @@ class ActAnswer(ApiModel):
     """Left and right skill."""
     left: SkillCall
     right: SkillCall
+    response_maps: ResponseMaps | None = None
+    """Null unless they were asked for."""
 
 
 class TensorAnswer(ApiModel):

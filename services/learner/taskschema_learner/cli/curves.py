@@ -9,6 +9,7 @@ from taskschema_learner.cli.run_reference import find_run
 
 if TYPE_CHECKING:
     from taskschema_learner.experiment.results_folder import ResultsFolder
+    from taskschema_learner.run_folder import RunFolder
 
 
 def register(app: typer.Typer) -> None:
@@ -26,6 +27,12 @@ def plot(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="File of the picture (.png, .svg or .pdf).")
     ] = None,
+    response_maps: Annotated[
+        bool,
+        typer.Option(
+            "--response-maps", help="Of a run on images: where on the table each arm goes, over the frames."
+        ),
+    ] = False,
 ) -> None:
     """Draw learning curves: one run with its schema, or several with mean and spread for each kind.
 
@@ -40,6 +47,9 @@ def plot(
         print(_plot_experiment(ResultsFolder(Path(runs[0])), output))
         return
     folders = [find_run(run) for run in runs]
+    if response_maps:
+        print(_plot_response_maps(folders, output))
+        return
     if len(folders) == 1:
         path = output or folders[0].path / "curve.png"
         plot_run(folders[0], path)
@@ -47,6 +57,17 @@ def plot(
         path = output or Path("curves.png")
         plot_runs(folders, path)
     print(path)
+
+
+def _plot_response_maps(folders: "list[RunFolder]", output: Path | None) -> Path:
+    from taskschema.errors import ConfigError
+    from taskschema_learner.response_maps import plot_response_maps
+
+    if len(folders) != 1:
+        raise ConfigError("--response-maps draws one run: name one RUN.")
+    path = output or folders[0].path / "response_maps.png"
+    plot_response_maps(folders[0], path)
+    return path
 
 
 def _plot_experiment(folder: "ResultsFolder", output: Path | None) -> Path:

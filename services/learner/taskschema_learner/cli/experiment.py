@@ -63,7 +63,6 @@ def experiment(
     for task in task_list:
         get_task(task)
 
-    # This needs torch, which takes seconds to import: what is wrong with the options shows before.
     from taskschema_learner.experiment.experiment import paper_sim
 
     plan = Plan(task_list, kinds, seeds, budget, baseline_budget)

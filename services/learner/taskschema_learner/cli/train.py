@@ -94,7 +94,7 @@ def train(
             api=None if api == "none" else api,
             api_tls=tls,
             device=device,
-            trunk=first_trunk and first_trunk.weights,
+            trunk=None if first_trunk is None else first_trunk.weights,
             agent=_agent_kind(agent),
         ),
         log_format,

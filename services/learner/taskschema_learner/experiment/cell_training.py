@@ -15,6 +15,14 @@ from taskschema.config import RunConfig
 from taskschema.errors import ExperimentError
 from taskschema_learner.experiment.cell import Cell
 
+# It ends cleanly with the experiment, even one that is killed: the next start then goes on with its run.
+_LAUNCH = """
+import ctypes, signal
+ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # PR_SET_PDEATHSIG
+from taskschema_learner.cli.main import main
+main()
+"""
+
 
 class CellTraining:
     """Runs `taskschema train` for one cell after the other; Ctrl-C and SIGTERM stop it cleanly.
@@ -75,9 +83,7 @@ class CellTraining:
         before = {number: signal.signal(number, self._stop) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
             # A process group of its own: one Ctrl-C in the terminal is one request, passed on once.
-            self._child = subprocess.Popen(
-                [sys.executable, "-m", "taskschema_learner", *arguments], process_group=0
-            )
+            self._child = subprocess.Popen([sys.executable, "-c", _LAUNCH, *arguments], process_group=0)
             status = self._child.wait()
         finally:
             self._child = None

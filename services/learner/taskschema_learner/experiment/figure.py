@@ -53,10 +53,10 @@ def _panel(axis: "Axes", folder: ResultsFolder, results: list[CellResult]) -> No
         over = [_curve(folder, result) for result in group if result.is_over]
         if over:
             _mean_line(axis, over, policy, colour)
-        for result in group:
-            if not result.is_over:
-                curve = _curve(folder, result)
-                axis.plot(curve.episodes, curve.success, ":", color=colour, linewidth=1)
+        for number, result in enumerate(item for item in group if not item.is_over):
+            curve = _curve(folder, result)
+            label = f"{policy}, not over" if number == 0 else None
+            axis.plot(curve.episodes, curve.success, ":", color=colour, linewidth=1, label=label)
     axis.axhline(TARGET, color="grey", linewidth=0.8, linestyle="--")
     axis.set_ylim(-0.02, 1.02)
     axis.yaxis.set_major_formatter(lambda value, _: f"{value:.0%}")

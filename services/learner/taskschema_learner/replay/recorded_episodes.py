@@ -42,6 +42,9 @@ def run_episodes(folder: RunFolder, count: int, *, mean: bool) -> list[RecordedE
         TaskschemaError: if the run has no policy yet, or its task no scene.
 
     """
-    environment = RecordingEnvironment(scene_of(task_of(folder.config)), threads=os.cpu_count() or 1)
+    task = scene_of(task_of(folder.config))
+    if folder.config.observation != "state":
+        raise RenderingError(f"{folder.path} is a run on pictures, which replay does not show yet.")
+    environment = RecordingEnvironment(task, threads=os.cpu_count() or 1)
     held_out_episodes(folder, newest_policy(folder), count, mean=mean, environment=environment)
     return environment.episodes

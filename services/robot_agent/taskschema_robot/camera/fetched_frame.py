@@ -22,7 +22,7 @@ class FetchedFrame(Frame):
         object.__setattr__(self, "_fetch", fetch)
 
     @cached_property
-    def image(self) -> Image:  # type: ignore[override]
+    def image(self) -> Image:
         """[H, W, 3] at the camera's own resolution."""
         image: Image = object.__getattribute__(self, "_fetch")()
         return image

@@ -53,7 +53,7 @@ class SetpointCheck:
         behind = np.abs(positions - measured) > MEASURED_SHARE * self.stopping_distance
         self._refuse(behind, positions, "is too far from where the joint is: it does not follow")
 
-    def _refuse(self, wrong: np.ndarray, positions: FloatArray, reason: str) -> None:  # type: ignore[type-arg]
+    def _refuse(self, wrong: np.ndarray, positions: FloatArray, reason: str) -> None:
         if wrong.any():
             joint = int(np.flatnonzero(wrong)[0])
             raise SetpointError(f"Set-point {positions[joint]:.4f} rad of {self._names[joint]} {reason}.")

@@ -14,8 +14,6 @@ from taskschema_robot.twin.scene import CAMERA, PICTURE
 
 FRAME_RATE = 30.0
 """[Hz]"""
-SHOWN_GROUPS = (0, 1, 2, 3)
-"""Groups of shapes that the picture shows; the arms' collision shapes are in group 3."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +34,10 @@ class PictureTaker:
     """A camera that takes `FRAME_RATE` pictures a second, of which only those asked for are rendered.
 
     Rendering runs off screen, in a thread of its own: a graphics context belongs to one thread.
+
+    Args:
+        model: what the camera sees, with the `qpos` of the world; see `picture_model`.
+
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -76,10 +78,9 @@ class PictureTaker:
             self._renderer = mujoco.Renderer(self._model, PICTURE, PICTURE)
         self._data.qpos[:] = exposure.positions
         self._data.mocap_pos[:] = exposure.mocap
-        mujoco.mj_forward(self._model, self._data)
-        options = mujoco.MjvOption()
-        options.geomgroup[:] = [group in SHOWN_GROUPS for group in range(len(options.geomgroup))]
-        self._renderer.update_scene(self._data, CAMERA, options)
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_camlight(self._model, self._data)
+        self._renderer.update_scene(self._data, CAMERA)
         return np.array(self._renderer.render())
 
     def close(self) -> None:

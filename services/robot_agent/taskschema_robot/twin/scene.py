@@ -8,12 +8,13 @@ import numpy as np
 
 from taskschema.kinematics.rotation import matrix_to_quaternion
 from taskschema.scene import TABLE, compose_scene
+from taskschema.visual_scene import dress_scene
 from taskschema_robot.camera.camera import Intrinsics
 from taskschema_robot.objects.marker import DICTIONARY, Marker, table_markers
 from taskschema_robot.objects.robot_object import RobotObject
 from taskschema_robot.twin.world import OBSTACLE, TIMESTEP
 
-CAMERA = "overhead"
+CAMERA = "agent"
 CAMERA_HEIGHT = 1.4
 """Above the middle of the table, looking straight down; the picture's right is x, its top y [m]."""
 VIEW = 1.1
@@ -27,19 +28,24 @@ PLATE_THICKNESS = 0.0005
 """[m]"""
 OBSTACLE_SHAPE = (0.045, 0.25)
 """Radius and half height of the bar that stands for a person's arm [m]."""
+LOOKS = {"table_top": {"size": "0.55 0.4 0.02"}}
+"""What differs from the simulation's room: a table with room for its markers beside the robots' reach."""
 
 
-def twin_model(robot_object: RobotObject) -> mujoco.MjModel:
-    """Compile the twin's world: both arms, the object, printed markers on it and on the table, a camera."""
-    root = compose_scene(robot_object.name, robot_object.mjcf)
-    compiler, option = root.find("compiler"), root.find("option")
-    if compiler is None or option is None:
-        raise ValueError("the scene has no compiler or option element")
-    compiler.attrib |= {"discardvisual": "false", "fusestatic": "false"}
-    option.set("timestep", f"{TIMESTEP:g}")
-    world, asset = (next(root.iter(tag)) for tag in ("worldbody", "asset"))
-    root.append(_visual())
-    world.extend(_surroundings())
+def physics_model(robot_object: RobotObject) -> mujoco.MjModel:
+    """Compile the twin's world: both arms, the object, and what a fault puts in the way."""
+    return mujoco.MjModel.from_xml_string(ET.tostring(_physics(robot_object), encoding="unicode"))
+
+
+def picture_model(robot_object: RobotObject) -> mujoco.MjModel:
+    """Compile the same world, with the same `qpos`, as the camera sees it, printed markers included."""
+    root = _physics(robot_object)
+    dress_scene(root)
+    world, asset, visual = (next(root.iter(tag)) for tag in ("worldbody", "asset", "visual"))
+    visual.append(ET.Element("quality", {"shadowsize": "0", "offsamples": "0"}))
+    for name, attributes in LOOKS.items():
+        next(geom for geom in world.iter("geom") if geom.get("name") == name).attrib |= attributes
+    world.append(_camera())
     bodies = {body.get("name", ""): body for body in root.iter("body")} | {"world": world}
     placed = {"world": table_markers(), "object": robot_object.markers, "turning": robot_object.joint_markers}
     assets: dict[str, bytes] = {}
@@ -53,11 +59,24 @@ def twin_model(robot_object: RobotObject) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"), assets)
 
 
+def _physics(robot_object: RobotObject) -> ET.Element:
+    root = compose_scene(robot_object.name, robot_object.mjcf)
+    compiler, option = (next(root.iter(tag)) for tag in ("compiler", "option"))
+    # Hands are told from forearms by their bodies.
+    compiler.set("fusestatic", "false")
+    option.set("timestep", f"{TIMESTEP:g}")
+    obstacle = ET.SubElement(next(root.iter("worldbody")), "body", {"name": OBSTACLE, "mocap": "true"})
+    radius, half = OBSTACLE_SHAPE
+    shape = {"type": "capsule", "size": f"{radius:g} {half:g}", "rgba": "0.85 0.6 0.45 1"}
+    obstacle.append(ET.Element("geom", shape | {"contype": str(TABLE), "conaffinity": "0"}))
+    return root
+
+
 def marker_picture(number: int) -> bytes:
     """Return a marker as a PNG, its white border included."""
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, DICTIONARY))
     square = cv2.aruco.generateImageMarker(dictionary, number, MARKER_CELLS * CELL_PIXELS)
-    bordered = cv2.copyMakeBorder(square, *[CELL_PIXELS] * 4, cv2.BORDER_CONSTANT, value=255)
+    bordered = np.pad(square, CELL_PIXELS, constant_values=255)
     return bytes(cv2.imencode(".png", cv2.cvtColor(bordered, cv2.COLOR_GRAY2BGR))[1])
 
 
@@ -88,21 +107,6 @@ def _plate(label: str, marker: Marker) -> ET.Element:
     return ET.Element("geom", attributes)
 
 
-def _visual() -> ET.Element:
-    visual = ET.Element("visual")
-    visual.append(ET.Element("global", {"offwidth": str(PICTURE), "offheight": str(PICTURE)}))
-    visual.append(ET.Element("quality", {"shadowsize": "0", "offsamples": "4"}))
-    visual.append(ET.Element("headlight", {"ambient": "0.5 0.5 0.5", "diffuse": "0.4 0.4 0.4"}))
-    visual.append(ET.Element("map", {"znear": "0.05"}))
-    return visual
-
-
-def _surroundings() -> list[ET.Element]:
-    """Return camera and obstacle."""
+def _camera() -> ET.Element:
     angle = np.degrees(2.0 * np.arctan(0.5 * VIEW / CAMERA_HEIGHT))
-    camera = {"name": CAMERA, "pos": f"0 0 {CAMERA_HEIGHT:g}", "fovy": f"{angle:.9g}"}
-    obstacle = ET.Element("body", {"name": OBSTACLE, "mocap": "true"})
-    radius, half = OBSTACLE_SHAPE
-    shape = {"type": "capsule", "size": f"{radius:g} {half:g}", "rgba": "0.85 0.6 0.45 1"}
-    obstacle.append(ET.Element("geom", shape | {"contype": str(TABLE), "conaffinity": "0"}))
-    return [ET.Element("camera", camera), obstacle]
+    return ET.Element("camera", {"name": CAMERA, "pos": f"0 0 {CAMERA_HEIGHT:g}", "fovy": f"{angle:.9g}"})

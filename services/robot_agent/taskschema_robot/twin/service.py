@@ -9,7 +9,8 @@ from taskschema.arrays import FloatArray
 from taskschema.tasks.lateral_lifting import LateralLifting
 from taskschema_robot.objects.robot_object import RobotObject
 from taskschema_robot.twin.control_server import ControlServer
-from taskschema_robot.twin.scene import twin_model
+from taskschema_robot.twin.picture import PictureTaker
+from taskschema_robot.twin.scene import physics_model, picture_model
 from taskschema_robot.twin.twin import Twin, TwinOptions
 from taskschema_robot.twin.world import World
 
@@ -41,9 +42,10 @@ class TwinService:
 
     def __init__(self, robot_object: RobotObject, options: TwinOptions, control_port: int = 0) -> None:
         # Hands start where every task's episodes start: beside the object, well above the table.
-        world = World(twin_model(robot_object), LateralLifting().home_joints, options.finger_mount)
+        world = World(physics_model(robot_object), LateralLifting().home_joints, options.finger_mount)
         world.place_object(pose_on_table(robot_object))
-        self.twin = Twin(robot_object.name, world, options)
+        camera = PictureTaker(picture_model(robot_object))
+        self.twin = Twin(robot_object.name, world, camera, options)
         self.control = ControlServer(self.twin, control_port)
         self._running: asyncio.Task[None] | None = None
 

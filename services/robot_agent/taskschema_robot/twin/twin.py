@@ -47,7 +47,7 @@ class Twin:
     that the clients send and of the times that they ask for.
     """
 
-    def __init__(self, name: str, world: World, options: TwinOptions) -> None:
+    def __init__(self, name: str, world: World, camera: PictureTaker, options: TwinOptions) -> None:
         self.name = name
         """Of its object."""
         self.options = options
@@ -59,7 +59,7 @@ class Twin:
         )
         for robot in self.robots:
             robot.node.gripper.calibrated = options.calibrated
-        self.camera = PictureTaker(world.model)
+        self.camera = camera
 
     def now(self) -> float:
         """Return the twin's time [s since the epoch]."""

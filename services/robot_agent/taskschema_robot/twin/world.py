@@ -68,7 +68,7 @@ class World:
     """One MuJoCo world, advanced in steps of `TIMESTEP`.
 
     Args:
-        model: of both arms and one object; see `twin_model`.
+        model: of both arms and one object; see `physics_model`.
         home: [2, 7] joint angles at the start [rad].
         mount: of the fingers; see `WorldArm`.
 
@@ -84,11 +84,11 @@ class World:
             [_is_below(model, int(body), object_body) for body in model.geom_bodyid]
         )
         self._obstacle = int(model.body(OBSTACLE).mocapid[0])
-        for arm, joints in zip(self.arms, home, strict=True):
+        for index, (arm, joints) in enumerate(zip(self.arms, home, strict=True)):
             self.data.qpos[arm.positions] = joints
-            _, upper = arm.finger_range
-            self.data.qpos[arm.fingers] = upper, -upper
-            self.set_joints(self.arms.index(arm), joints, np.zeros(len(joints)))
+            self.set_joints(index, joints, np.zeros(len(joints)))
+            self.set_fingers(index, GRIPPER_STROKE, pressing=False)
+            self.data.qpos[arm.fingers] = self.data.ctrl[arm.finger_controls]
         self.place_obstacle(None)
         mujoco.mj_forward(model, self.data)
 

@@ -56,7 +56,7 @@ class Effort:
 EFFORTS = {
     effort.name: effort
     for effort in (
-        Effort("quick", 256, 16, 4, 64, 2048, 4, 2, Search(96, 6, 64)),
+        Effort("quick", 256, 16, 1, 40, 2048, 4, 2, Search(96, 6, 64)),
         Effort("medium", 1024, 50, 3, 100, 16384, 10_000, 8, Search(96, 5, 100), skip_repeats=True),
         Effort("full", 1024, 100, 8, 200, 16384, 10_000, 16, Search(96, 8, 200)),
     )

@@ -1,9 +1,7 @@
-"""What a picture is, and the size of the one that a policy sees."""
+"""What a picture is, of any size; those that policies see are `taskschema.frames`."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 Frame = NDArray[np.uint8]
 """[H, W, 3] red, green, blue; the first row is the top."""
-FRAME_SIZE = 256
-"""Height and width of the overhead camera's frame [pixel] (paper, section IV-C)."""

@@ -50,7 +50,8 @@ def describe(source: RunSource, run: str, newest: PublishedPolicy) -> PolicyMeta
     """
     config = source.config(run)
     task = task_of(config)
-    arguments = zip(task.pairs.argument_names, task.pairs.arguments, strict=True)
+    space = task.seen_pairs(config.observation)
+    arguments = zip(space.argument_names, space.arguments, strict=True)
     snapshot = PolicySnapshot.from_bytes(newest.data)
     tensors: dict[str, AnyArray] = {**snapshot.weights, "schema.logits": snapshot.logits}
     return PolicyMeta(
@@ -68,7 +69,7 @@ def describe(source: RunSource, run: str, newest: PublishedPolicy) -> PolicyMeta
         ],
         observation=[
             FieldAnswer(name=field.name, size=field.size, unit=field.unit, meaning=field.meaning)
-            for field in task.observation.fields
+            for field in (task.observation.fields if config.observation == "state" else ())
         ],
         arguments=[
             ArgumentAnswer(

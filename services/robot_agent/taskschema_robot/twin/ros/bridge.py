@@ -176,8 +176,11 @@ class Bridge:
     def _offer(self, stream: TopicStream, message: Message) -> None:
         if not stream.clients or self.now() < stream.ready_at:
             return
+        subscriptions = list(stream.clients.values())
+        if any(subscription.blocking for subscription in subscriptions):
+            return  # one slow reader without a queue silences the topic for every client
         frame, now = stream.frame(message), self.now()
-        for subscription in list(stream.clients.values()):
+        for subscription in subscriptions:
             subscription.offer(frame, now)
 
     def _send_latched(self) -> None:

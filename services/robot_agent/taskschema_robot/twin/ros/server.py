@@ -11,6 +11,8 @@ from websockets.http11 import Request, Response
 from taskschema_robot.twin.ros.bridge import Bridge
 from taskschema_robot.twin.ros.session import BridgeSession, FragmentStore
 
+CONGESTED = 40
+"""Frames waiting for one client at which it counts as a slow reader, beside what the system holds."""
 LARGEST_FRAME = 10_000_000
 """[bytes] as in rosbridge's default settings."""
 
@@ -24,6 +26,10 @@ class Outbox:
         self._filled = asyncio.Event()
         self.accepted = 0
         """Frames that have been or will be sent."""
+
+    def congested(self) -> bool:
+        """Return whether the client reads too slowly."""
+        return len(self._frames) > CONGESTED
 
     def put(self, frame: str, keep: int) -> None:
         """Queue a frame; at most `keep` of its topic wait behind a slow reader, 0: all."""
@@ -133,7 +139,7 @@ class BridgeServer:
     async def _serve(self, connection: ServerConnection) -> None:
         outbox = Outbox(connection)
         number, self._count = self._count, self._count + 1
-        session = BridgeSession(number, self.bridge, self._fragments, outbox.put)
+        session = BridgeSession(number, self.bridge, self._fragments, outbox.put, outbox.congested)
         path = connection.request.path if connection.request else ""
         link = ClientLink(connection, outbox)
         self.links[path] = link

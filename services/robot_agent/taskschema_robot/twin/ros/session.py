@@ -55,10 +55,27 @@ class FragmentStore:
 
 
 class BridgeSession:
-    """One client's connection; frames come in by `incoming`, and leave by `send`."""
+    """One client's connection; frames come in by `incoming`, and leave by `send`.
 
-    def __init__(self, number: int, bridge: Bridge, fragments: FragmentStore, send: Send) -> None:
+    Args:
+        number: of the client, for the log.
+        bridge: that it is connected to.
+        fragments: of all the bridge's clients.
+        send: takes the frames for the client.
+        congested: says whether they pile up.
+
+    """
+
+    def __init__(
+        self,
+        number: int,
+        bridge: Bridge,
+        fragments: FragmentStore,
+        send: Send,
+        congested: Callable[[], bool] = lambda: False,
+    ) -> None:
         self.number = number
+        self._congested = congested
         self._bridge = bridge
         self._fragments = fragments
         self._send = send
@@ -158,7 +175,7 @@ class BridgeSession:
         queue_length = _field(message, "queue_length", int, 0)
         if "compression" in message:
             self._refuse_compression(_field(message, "compression", str))
-        subscription = self._subscriptions.setdefault(topic, Subscription(self.send_frame))
+        subscription = self._subscriptions.setdefault(topic, Subscription(self.send_frame, self._congested))
         subscription.ids[message.get("id")] = Settings(throttle, queue_length)
         try:
             self._bridge.subscribe(self.number, topic, message.get("type"), subscription)

@@ -22,6 +22,8 @@ class Subscription:
     """All ids of one client on one topic: one stream, with the smallest throttle and queue among them."""
 
     send: Send
+    congested: Callable[[], bool]
+    """Whether the client reads so slowly that frames pile up."""
     ids: dict[str | None, Settings] = field(default_factory=dict)
     last_sent: float = float("-inf")
     waiting: deque[str] = field(default_factory=deque)
@@ -36,6 +38,11 @@ class Subscription:
     def queue_length(self) -> int:
         """How many frames wait at most; 0: those within the throttle are dropped."""
         return min((settings.queue_length for settings in self.ids.values()), default=0)
+
+    @property
+    def blocking(self) -> bool:
+        """Whether the publisher has to wait for this client: it reads slowly and asked for no queue."""
+        return self.queue_length == 0 and self.congested()
 
     def offer(self, frame: str, now: float) -> None:
         """Send, hold back or drop a frame."""

@@ -1,0 +1,49 @@
+"""A scene task's environment with the overhead camera over its table."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from taskschema.arrays import FloatArray, IntArray
+from taskschema.frames import FRAME_SHAPE, FRAME_SIZE, Frames
+from taskschema.tasks.scene_task import ObjectInstance, SceneTask
+from taskschema_worker.rendering.scene_renderer import SceneRenderer
+from taskschema_worker.scene_environment import SceneEnvironment
+
+
+class SeenSceneEnvironment(SceneEnvironment):
+    """N episodes of a scene task, each drawn when it is looked at; see `SeenEnvironment`.
+
+    Raises:
+        RenderingError: if nothing on this machine can draw; nothing else is started then.
+
+    """
+
+    def __init__(self, task: SceneTask, threads: int = 1) -> None:
+        self._renderer = SceneRenderer(task, FRAME_SIZE, FRAME_SIZE)
+        self._instances: list[ObjectInstance] = []
+        super().__init__(task, threads)
+
+    def reset_to(self, instances: Sequence[ObjectInstance]) -> FloatArray:
+        """Start one episode per given object instance; see `SceneEnvironment`."""
+        self._instances = list(instances)
+        return super().reset_to(instances)
+
+    def frames(self, episodes: IntArray) -> Frames:
+        """Draw M episodes as they are now: [M, 256, 256, 3]."""
+        frames = np.empty((len(episodes), *FRAME_SHAPE), dtype=np.uint8)
+        for row, episode in enumerate(episodes):
+            self._renderer.set_object(self._instances[episode])
+            frames[row] = self._renderer.render(self._simulation.positions[episode])
+        return frames
+
+    def pose_anchors(self, episodes: IntArray) -> FloatArray:
+        """Return the objects' centres on the table, and where poses without a height go: [M, 3]."""
+        anchors = self._simulation.object_poses(episodes)[:, :3]
+        anchors[:, 2] = self._task.pose_height * self._sizes[episodes, 2]
+        return anchors
+
+    def close(self) -> None:
+        """Stop the simulation's threads and give the renderer back."""
+        super().close()
+        self._renderer.close()
