@@ -1,5 +1,6 @@
 """What tests of several parts share: one Redis, and a fresh run on it for every test."""
 
+import os
 from collections.abc import Iterator
 
 import pytest
@@ -8,6 +9,8 @@ from hypothesis import HealthCheck, settings
 
 from taskschema_learner.embedded_redis import EmbeddedRedis
 
+# MuJoCo reads this once, when a test first imports it; pictures are drawn off screen.
+os.environ.setdefault("MUJOCO_GL", "egl")
 # How long an example takes depends on the machine's other work: never a reason to fail.
 settings.register_profile("taskschema", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("taskschema")

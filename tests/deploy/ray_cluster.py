@@ -29,8 +29,14 @@ class RayCluster:
         self.folder = folder
         self.jobs = f"http://{dashboard}"
         """Where it takes jobs."""
+        # What a job needs comes with it, and no settings of a local Ray that this process has run.
+        own = {
+            name: value
+            for name, value in os.environ.items()
+            if name != "PYTHONPATH" and not name.startswith("RAY_")
+        }
         self.environment = {
-            **os.environ,
+            **own,
             "PATH": f"{BIN}:{os.environ['PATH']}",
             "RAY_AUTH_MODE": "token",
             "RAY_AUTH_TOKEN": secrets.token_hex(32),
@@ -40,8 +46,6 @@ class RayCluster:
             "RAY_ADDRESS": self.jobs,
             "RAY_TMPDIR": str(folder),
         }
-        # What a job needs comes with it.
-        self.environment.pop("PYTHONPATH", None)
         self._nodes = {**self.environment, "TASKSCHEMA_REDIS_URL": redis_url}
         del self._nodes["RAY_ADDRESS"]
 

@@ -148,7 +148,7 @@ def test_tasks_and_skills_are_listed_quickly(place):
 def test_help_is_there_for_every_command(place):
     overview = taskschema("--help", cwd=place)
     commands = [command.name or command.callback.__name__ for command in app.registered_commands]
-    assert len(commands) == 13
+    assert len(commands) == 16
     for command in commands:
         assert command in overview
         result = CliRunner().invoke(app, [command, "--help"])

@@ -216,12 +216,16 @@ def test_bad_words_are_named_with_the_valid_ones(tmp_path, arguments, words):
 def test_results_of_other_settings_or_damaged_ones_stop_it_and_stay(tmp_path):
     folder = ResultsFolder(tmp_path / "results" / "paper-sim")
     folder.make()
-    other = RunConfig(task="toy", policy="oracle", slots=7).config_hash
-    folder.write(Summary(experiment="paper-sim", cells=(result("toy", "oracle", 0, 600, config_hash=other),)))
+    other = RunConfig(task="any", episodes_per_slot=1, slots=7)
+    folder.write(Summary(experiment="paper-sim", settings=other))
     before = (folder.path / "summary.json").read_bytes()
     output, _ = command(tmp_path, *ORACLE).communicate(timeout=200)
-    assert "toy-oracle-seed0 with other settings" in output
+    assert "holds results of other settings" in output
     assert (folder.path / "summary.json").read_bytes() == before
     (folder.path / "summary.json").write_text("{")
     output, _ = command(tmp_path, *ORACLE).communicate(timeout=200)
     assert "summary.json cannot be read" in output
+    folder.write(Summary(experiment="paper-sim"))
+    RunFolder.create(tmp_path / "runs" / "paper-sim" / "toy-oracle-seed0", RunConfig(task="toy", slots=7))
+    output, _ = command(tmp_path, *ORACLE).communicate(timeout=200)
+    assert "toy-oracle-seed0 holds a run of other settings" in output

@@ -8,6 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 from stand_in_node import PERIOD, StandInNode
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
@@ -51,6 +53,9 @@ class FragmentJoiner:
         self._text = ""
 
     def take(self, frame: Any) -> list[Any]:
+        return [unpacked(found) for found in self._joined(frame)]
+
+    def _joined(self, frame: Any) -> list[Any]:
         if not (isinstance(frame, dict) and frame.get("op") == "fragment"):
             return [frame]
         assert isinstance(frame["total"], float)
@@ -59,6 +64,14 @@ class FragmentJoiner:
             return [json.loads(self._text)]
         except ValueError:
             return []
+
+
+def unpacked(frame: Any) -> Any:
+    """Return what a png frame carries, and any other frame as it is."""
+    if not (isinstance(frame, dict) and frame.get("op") == "png"):
+        return frame
+    picture = np.frombuffer(base64.b64decode(frame["data"]), dtype=np.uint8)
+    return json.loads(cv2.imdecode(picture, cv2.IMREAD_COLOR)[:, :, ::-1].tobytes())
 
 
 def error_id(message: str) -> str:

@@ -1,10 +1,9 @@
 """The overhead camera: printed markers where they really are."""
 
-import os
-
 import cv2
 import numpy as np
 import pytest
+from rendering_setup import needs_renderer
 from twin_setup import LockStep
 
 from taskschema.kinematics.rotation import rotate
@@ -14,9 +13,7 @@ from taskschema_robot.twin.camera import LockStepCamera
 from taskschema_robot.twin.scene import CAMERA_HEIGHT, PICTURE, intrinsics
 from taskschema_robot.twin.service import pose_on_table
 
-pytestmark = pytest.mark.skipif(
-    "MUJOCO_GL" not in os.environ, reason="MUJOCO_GL names no off-screen renderer"
-)
+pytestmark = needs_renderer
 
 
 def project(points: np.ndarray) -> np.ndarray:

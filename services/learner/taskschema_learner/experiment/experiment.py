@@ -3,12 +3,13 @@
 import importlib.metadata
 import platform
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import msgspec
 
 from taskschema import __version__
+from taskschema.config import RunConfig
 from taskschema.errors import ExperimentError
 from taskschema_learner.default_config import default_config
 from taskschema_learner.experiment.cell import Cell, CellResult
@@ -54,14 +55,15 @@ class Experiment:
         self._training = training
         self._say = say
         self._configs = {cell: default_config(cell.task, cell.policy, cell.seed) for cell in plan.cells()}
+        shared = _shared_settings(self._configs.values())
         self._summary = _with_provenance(folder.read_for(name), command)
+        if self._summary.settings not in (None, shared):
+            raise ExperimentError(
+                f"{folder.path} holds results of other settings: choose another --out and --runs-dir, or "
+                "remove them to train all again."
+            )
+        self._summary = msgspec.structs.replace(self._summary, settings=shared)
         self._results = {result.cell: result for result in self._summary.cells}
-        for cell, result in self._results.items():
-            if cell in self._configs and result.config_hash != self._configs[cell].config_hash:
-                raise ExperimentError(
-                    f"{folder.path} holds {cell.name} with other settings: choose another --out, or remove "
-                    "its results to train all again."
-                )
 
     def run(self) -> bool:
         """Train until every cell is done, and return True; False: somebody asked for a stop.
@@ -130,6 +132,13 @@ class Experiment:
 
 def _order(result: CellResult) -> tuple[str, str, int]:
     return result.task, result.policy, result.seed
+
+
+def _shared_settings(configs: Iterable[RunConfig]) -> RunConfig:
+    """Return what the cells' configs share, whatever their task, policy and seed."""
+    return msgspec.structs.replace(
+        next(iter(configs)), task="any", policy="schema", seed=0, episodes_per_slot=1
+    )
 
 
 def without_places(command: str) -> str:

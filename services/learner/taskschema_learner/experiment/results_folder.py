@@ -7,6 +7,7 @@ from pathlib import Path
 
 import msgspec
 
+from taskschema.config import RunConfig
 from taskschema.errors import ExperimentError
 from taskschema_learner.experiment.cell import Cell, CellResult
 from taskschema_learner.run_folder import write_atomically
@@ -25,6 +26,8 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     """Cores and kind of what it ran on."""
     versions: dict[str, str] = {}
     """Of this project and of what computes its results."""
+    settings: RunConfig | None = None
+    """What all cells share; its `task`, `policy`, `seed` and `episodes_per_slot` stand for any."""
     cells: tuple[CellResult, ...] = ()
 
 

@@ -17,6 +17,10 @@ LARGEST_FRAME = 10_000_000
 """[bytes] as in rosbridge's default settings."""
 
 
+CLOSE_SECONDS = 0.5
+"""How long a client that is being dropped may take to answer a close frame."""
+
+
 class Outbox:
     """Frames on their way to one client: those of one kind that may not wait push each other out."""
 
@@ -111,6 +115,7 @@ class BridgeServer:
             compression=None,
             ping_interval=interval,
             ping_timeout=timeout,
+            close_timeout=CLOSE_SECONDS,
             max_size=LARGEST_FRAME,
         )
         self._port = next(iter(self._server.sockets)).getsockname()[1]

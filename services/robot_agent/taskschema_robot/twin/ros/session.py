@@ -16,6 +16,9 @@ from taskschema_robot.twin.ros.subscription import Send, Settings, Subscription
 
 Json = dict[str, Any]
 
+MISSING_COMPRESSIONS = ("cbor", "cbor-raw")
+"""What the genuine bridge offers and this one does not."""
+
 
 class DuplicateFragmentError(Exception):
     """A fragment whose number has come before, perhaps on a connection that is long closed."""
@@ -173,20 +176,17 @@ class BridgeSession:
         topic = _field(message, "topic", str)
         throttle = _field(message, "throttle_rate", int, 0) / 1000.0
         queue_length = _field(message, "queue_length", int, 0)
-        if "compression" in message:
-            self._refuse_compression(_field(message, "compression", str))
+        compression = _field(message, "compression", str, "none")
+        if compression in MISSING_COMPRESSIONS:
+            self._bridge.log("WARN", f"This twin does not offer {compression}: frames are plain.")
         subscription = self._subscriptions.setdefault(topic, Subscription(self.send_frame, self._congested))
-        subscription.ids[message.get("id")] = Settings(throttle, queue_length)
+        subscription.ids[message.get("id")] = Settings(throttle, queue_length, compression == "png")
         try:
             self._bridge.subscribe(self.number, topic, message.get("type"), subscription)
         except MessageError:
             if len(subscription.ids) == 1:
                 del self._subscriptions[topic]
             raise
-
-    def _refuse_compression(self, compression: str) -> None:
-        if compression in ("png", "cbor", "cbor-raw"):
-            self._bridge.log("WARN", f"This twin does not offer {compression}: frames are plain.")
 
     def _unsubscribe(self, message: Json) -> None:
         topic = _field(message, "topic", str)

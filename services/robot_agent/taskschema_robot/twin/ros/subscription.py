@@ -4,6 +4,8 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from taskschema_robot.twin.ros.png import png_frame
+
 Send = Callable[[str, int], None]
 """Takes a frame's text and how many of the kind may wait for a slow reader, 0: all."""
 
@@ -15,6 +17,8 @@ class Settings:
     throttle: float
     """Least time between two messages [s]."""
     queue_length: int
+    png: bool = False
+    """Whether frames come as images."""
 
 
 @dataclass
@@ -65,4 +69,5 @@ class Subscription:
 
     def _send(self, frame: str, now: float) -> None:
         self.last_sent = now
-        self.send(frame, self.queue_length)
+        png = any(settings.png for settings in self.ids.values())
+        self.send(png_frame(frame) if png else frame, self.queue_length)
