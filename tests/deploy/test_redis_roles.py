@@ -14,6 +14,7 @@ from tls import make_certificates
 
 from taskschema.bus.connection import connect
 from taskschema.bus.keys import RUNS, RunKeys
+from taskschema.bus.records import RunRecords
 from taskschema.bus.worker_bus import WorkerBus
 from taskschema.config import RunConfig
 from taskschema.errors import BusError
@@ -119,6 +120,14 @@ def test_agents_may_not(server: RoleRedis, role: str, words: tuple[str, ...]) ->
 def test_agents_only_read(server: RoleRedis, role: str, words: tuple[str, ...]) -> None:
     needs_version_7(server)
     check_denied(server.client(role), words)
+
+
+def test_a_robot_sees_what_its_run_is_doing(server: RoleRedis) -> None:
+    """Its watchdog stops the arms when the learner fails; its log is trimmed by the policy version."""
+    RunRecords(server.client("learner")).set_progress("run", round_index=3, version=3)
+    assert RunRecords(server.client("robot")).status("run").version == 3
+    with pytest.raises(redis.ResponseError, match=r"permission|command not allowed"):
+        server.client("worker").hgetall(RunKeys("run").status)
 
 
 @pytest.mark.parametrize("words", DENIED_TO_API, ids=" ".join)

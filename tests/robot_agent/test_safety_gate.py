@@ -216,6 +216,9 @@ def test_arms_that_touch_may_part_but_not_press_on():
     assert stuck.gate.check(straight(bench.positions(), HOME)) is not None
     return_home(stuck.gate, HOME, OPEN, period=PERIOD, speed_ratio=0.5, recovering=True)
     np.testing.assert_allclose(stuck.positions(), HOME, atol=1e-6)
+    ordinary = TestBench(bench.positions(), tight)  # no fault, only a little too near
+    return_home(ordinary.gate, HOME, OPEN, period=PERIOD, speed_ratio=0.5)
+    np.testing.assert_allclose(ordinary.positions(), HOME, atol=1e-6)
     again = TestBench(bench.positions(), tight)
     closer = skill_motion(HOME, ("top_grasp", "top_grasp"), ([0, 0, 2.4], [0, 0, 2.4])).joints[:, -1]
     with pytest.raises(RecoveryError, match="cuff"):

@@ -16,6 +16,8 @@ from taskschema_robot.safety.motion import Motion
 
 log = logging.getLogger("taskschema.robot.safety")
 
+PARTING_RATIO = 0.1
+"""Speed ratio at which arms part that are too near each other."""
 RETREAT = 0.1
 """[m] that a hand backs off along its fingers."""
 RISE = 0.12
@@ -37,6 +39,8 @@ def return_home(
 ) -> None:
     """Bring both arms to `home` [2, 7] along the first way that the gate lets through.
 
+    Arms that ended a motion a little nearer than they may be part as after a fault: slowly, never nearer.
+
     Args:
         arms: behind the gate.
         home: joint angles [rad].
@@ -51,13 +55,17 @@ def return_home(
     """
     measured = np.stack([state.positions for state in arms.states()])
     reasons = []
-    for name, paths in ways_home(measured, home, opening):
-        motion = Motion.of_paths(*paths, period, speed_ratio=speed_ratio)
-        refusal = arms.execute(motion, recovering=recovering)
-        if refusal is None:
-            return
-        log.info("Way home %r: %s", name, refusal.reason)
-        reasons.append(f"{name}: {refusal.reason}")
+    manners = [(recovering, speed_ratio)]
+    if not recovering:
+        manners.append((True, min(speed_ratio, PARTING_RATIO)))
+    for parting, ratio in manners:
+        for name, paths in ways_home(measured, home, opening):
+            motion = Motion.of_paths(*paths, period, speed_ratio=ratio)
+            refusal = arms.execute(motion, recovering=parting)
+            if refusal is None:
+                return
+            log.info("Way home %r: %s", name, refusal.reason)
+            reasons.append(f"{name}: {refusal.reason}")
     raise RecoveryError(
         "The arms find no safe way home; move them by hand with the cuff until they are clear of each other "
         f"and the table, then try again. Tried: {'; '.join(reasons)}."
