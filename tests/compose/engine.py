@@ -7,6 +7,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 
+ANSWER_SECONDS = 60
+"""An engine that does not answer within this long is not there [s]."""
+PULL_SECONDS = 600
+
 
 class SkippedError(Exception):
     """There is no engine to test on; the message says what is missing."""
@@ -25,7 +29,10 @@ def compose_command() -> list[str]:
     if not found:
         raise SkippedError("neither `docker compose` nor `docker-compose` is there")
     for image in base_images():
-        if not (_works("docker", "image", "inspect", image) or _works("docker", "pull", image)):
+        if not (
+            _works("docker", "image", "inspect", image)
+            or _works("docker", "pull", image, seconds=PULL_SECONDS)
+        ):
             raise SkippedError(f"the engine has no image {image} and cannot pull it")
     return found[0]
 
@@ -40,5 +47,8 @@ def base_images() -> list[str]:
     return sorted(names)
 
 
-def _works(*command: str) -> bool:
-    return subprocess.run(command, capture_output=True).returncode == 0
+def _works(*command: str, seconds: float = ANSWER_SECONDS) -> bool:
+    try:
+        return subprocess.run(command, capture_output=True, timeout=seconds).returncode == 0
+    except subprocess.TimeoutExpired:
+        return False
