@@ -27,10 +27,6 @@ class EffectTimeoutError(RobotError):
     """A command whose effect the robot's state did not show in time."""
 
 
-class ArrivalError(RobotError):
-    """An arm that did not arrive where its path ends."""
-
-
 class CameraError(RobotError):
     """A camera that cannot be opened or has no picture."""
 
