@@ -1,5 +1,6 @@
 """The benches that finish in seconds, at tiny sizes: they measure what they say."""
 
+import msgspec
 import numpy as np
 import pytest
 from bench import physics, publishing, seeds_result
@@ -11,6 +12,8 @@ from taskschema.config import RunConfig
 from taskschema.kinematics.sawyer import sawyer
 from taskschema.motion import ArmPath
 from taskschema.tasks.registry import get_task
+from taskschema_learner.experiment.cell import CellResult
+from taskschema_learner.experiment.results_folder import ResultsFolder, Summary
 
 
 @pytest.fixture(scope="module")
@@ -97,9 +100,12 @@ def test_agreement_counts_outcomes_and_rates():
 
 
 def test_seeds_that_did_not_reach_the_goal_are_left_out(tmp_path):
-    head = "episodes,success_last_100,seconds_collect,seconds_update,seconds_checkpoint\n"
-    (tmp_path / "seed0.csv").write_text(head + "200,0.1,50,5,5\n400,0.9,50,5,5\n")
-    (tmp_path / "seed1.csv").write_text(head + "200,0.5,50,5,5\n")
+    facts = {"task": "lateral-lifting", "rounds": 2, "budget": 400, "config_hash": "", "sha256": ""}
+    facts |= {"policy": "schema", "success_last_100": 0.9, "commit": ""}
+    solved = CellResult(seed=0, state="solved", episodes=400, minutes=2.0, **facts)
+    given_up = msgspec.structs.replace(solved, seed=1, state="not solved")
+    oracle = msgspec.structs.replace(solved, policy="oracle")
+    ResultsFolder(tmp_path).write(Summary(experiment="paper-sim", cells=(solved, given_up, oracle)))
     minutes, episodes = seeds_result.measure(1, tmp_path)
     assert (minutes.value, episodes.value) == (2.0, 400.0)
     assert seeds_result.measure(1, tmp_path / "nowhere") == []

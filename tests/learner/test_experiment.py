@@ -184,6 +184,7 @@ def test_an_experiment_that_is_killed_and_stopped_goes_on_to_the_same_result(tmp
     done = json.loads((results / "summary.json").read_text())["cells"][0]
     assert done["state"] == "solved"
     assert done["episodes"] > stopped["episodes"]
+    assert (done["held_out"]["episodes"], done["held_out"]["rate"] > 0.8) == (200, True)
     assert done["sha256"] == run_hash(RunFolder.open(run))
     assert verify(RunFolder.open(run), done["rounds"]).same  # what was never stopped has the same hashes
 

@@ -6,6 +6,7 @@ from typing import Literal
 import msgspec
 
 from taskschema.tasks.task import Schema
+from taskschema_learner.evaluation import SuccessRate
 from taskschema_learner.schema_report import SchemaVerdict
 
 CellPolicy = Literal["schema", "state", "oracle", "transferred", "re-learned"]
@@ -57,6 +58,8 @@ class CellResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """Commit of the source tree, if it was trained from one."""
     steps: int | None = None
     """Skill pairs executed in these episodes; None: written before they were counted."""
+    held_out: SuccessRate | None = None
+    """On instances that it was not trained on, with mean actions; None: not solved, or not measured."""
 
     @property
     def cell(self) -> Cell:

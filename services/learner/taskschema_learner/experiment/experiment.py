@@ -14,7 +14,7 @@ from taskschema.errors import ExperimentError
 from taskschema_learner.experiment.cell import Cell, CellResult
 from taskschema_learner.experiment.cell_training import CellTraining
 from taskschema_learner.experiment.figure import FIGURE, draw_figure
-from taskschema_learner.experiment.measurement import measure, thinned_curve
+from taskschema_learner.experiment.measurement import held_out_success, measure, thinned_curve
 from taskschema_learner.experiment.plan import Plan, next_cell
 from taskschema_learner.experiment.recipe import Recipe
 from taskschema_learner.experiment.report import report
@@ -123,6 +123,8 @@ class Experiment:
         known = self._results.get(cell)
         if result is None or (known is not None and known.episodes >= result.episodes and known.is_over):
             return
+        if result.state == "solved":
+            result = msgspec.structs.replace(result, held_out=held_out_success(folder))
         self._results[cell] = result
         self._folder.write_curve(cell, thinned_curve(folder.read_metrics()))
 

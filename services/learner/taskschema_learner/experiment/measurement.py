@@ -8,6 +8,7 @@ import numpy as np
 
 from taskschema.metrics import RoundMetrics
 from taskschema.tasks.registry import task_of
+from taskschema_learner.evaluation import SuccessRate, held_out_episodes, newest_policy, wilson
 from taskschema_learner.experiment.cell import Cell, CellResult, CellState
 from taskschema_learner.plots import TARGET
 from taskschema_learner.run_folder import RunFolder
@@ -15,6 +16,8 @@ from taskschema_learner.schema_report import compare
 
 CURVE_ROWS = 300
 """Most rows of a cell's table."""
+HELD_OUT_EPISODES = 200
+"""Episodes that a solved cell's policy is measured on."""
 
 
 def measure(folder: RunFolder, cell: Cell, budget: int) -> CellResult | None:
@@ -54,6 +57,17 @@ def measure(folder: RunFolder, cell: Cell, budget: int) -> CellResult | None:
         commit=source_commit(),
         steps=last.steps,
     )
+
+
+def held_out_success(folder: RunFolder) -> SuccessRate:
+    """Return how often the newest policy succeeds with mean actions where it was not trained.
+
+    Raises:
+        RunFolderError: if the run's policy is damaged.
+
+    """
+    episodes = held_out_episodes(folder, newest_policy(folder), HELD_OUT_EPISODES, mean=True)
+    return wilson(sum(item.success for item in episodes), len(episodes))
 
 
 def thinned_curve(rows: Sequence[RoundMetrics]) -> list[tuple[int, float]]:

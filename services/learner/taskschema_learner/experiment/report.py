@@ -129,7 +129,7 @@ def _schema_table(cells: Sequence[CellResult]) -> list[str]:
 
 def _cell_table(cells: Sequence[CellResult]) -> list[str]:
     heads = ["task", "policy", "seed", "state", "episodes", "skills", "budget", "minutes", "last 100"]
-    heads += ["schema", "is"]
+    heads += ["held out", "schema", "is"]
     lines = ["## Cells", "", f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
     for result in cells:
         schema = "-" if result.schema is None else schema_words(result.schema)
@@ -139,6 +139,12 @@ def _cell_table(cells: Sequence[CellResult]) -> list[str]:
         lines.append(
             f"| {result.task} | {result.policy} | {result.seed} | {result.state} | {result.episodes:,} "
             f"| {skills} | {result.budget:,} | {result.minutes:.1f} | {result.success_last_100:.0%} "
-            f"| {schema} | {verdict} |"
+            f"| {_held_out(result)} | {schema} | {verdict} |"
         )
-    return [*lines, ""]
+    note = "Held out: share of 200 instances not trained on that mean actions solve, with its 95 % interval."
+    return [*lines, "", note, ""]
+
+
+def _held_out(result: CellResult) -> str:
+    rate = result.held_out
+    return "-" if rate is None else f"{rate.rate:.0%} [{rate.low:.0%}, {rate.high:.0%}]"
