@@ -75,28 +75,52 @@ def pair_entropy(pair_logits: Tensor) -> Tensor:
 
 def normalise(advantages: Tensor, std_floor: float) -> Tensor:
     """Return advantages [B] less their mean, over the larger of their standard deviation and `std_floor`."""
-    centred = advantages - advantages.mean()
     if len(advantages) < 2:
-        return centred
-    return centred / advantages.std().clamp(min=max(std_floor, 1e-8))
+        return torch.zeros_like(advantages)
+    std, mean = torch.std_mean(advantages)
+    return (advantages - mean) / std.clamp_(min=max(std_floor, 1e-8))
 
 
-def clipped_policy_loss(log_ratio: Tensor, advantages: Tensor, clip: float) -> Tensor:
-    """Return PPO's clipped surrogate loss (Schulman et al., 2017, equation 7), from log pi/pi_old [B].
+def clipped_policy_loss(log_ratio: Tensor, advantages: Tensor, clip: float) -> tuple[Tensor, Tensor]:
+    """Return PPO's clipped surrogate loss (Schulman et al., 2017, equation 7) and its gradient [B].
 
-    L = -mean(min(r A, clip(r, 1 - c, 1 + c) A)),   r = exp(log_ratio)
+        L = -mean(min(r A, clip(r, 1 - c, 1 + c) A)),   r = exp(log_ratio)
+        dL / d log_ratio = -r A / B,  0 where clipping gives the smaller product
+
+    Args:
+        log_ratio: [B] log pi/pi_old.
+        advantages: [B]
+        clip: c.
+
     """
     ratio = torch.exp(log_ratio)
-    return -torch.min(ratio * advantages, ratio.clamp(1.0 - clip, 1.0 + clip) * advantages).mean()
+    gain = ratio * advantages
+    smaller = torch.minimum(gain, ratio.clamp_(1.0 - clip, 1.0 + clip).mul_(advantages))
+    gradient = gain * (gain == smaller)
+    return smaller.mean().neg_(), gradient.mul_(-1.0 / len(gradient))
 
 
-def clipped_value_loss(values: Tensor, old_values: Tensor, returns: Tensor, clip: float | None) -> Tensor:
-    """Return half the squared error of values [B], as in Stable Baselines; None: no clipping.
+def clipped_value_loss(
+    values: Tensor, old_values: Tensor, returns: Tensor, clip: float | None
+) -> tuple[Tensor, Tensor]:
+    """Return half the squared error of values [B], as in Stable Baselines, and its gradient [B].
 
-    L = 1/2 mean(max((V - R)^2, (V_old + clip(V - V_old, -c, c) - R)^2))
+        L = 1/2 mean(max((V - R)^2, (V_old + clip(V - V_old, -c, c) - R)^2))
+        dL / dV = (V - R) / B,  0 where clipping holds V back and gives the larger error
+
+    Args:
+        values: [B] V.
+        old_values: [B] V_old, before the update.
+        returns: [B] R.
+        clip: c; None: no clipping.
+
     """
-    error = (values - returns).square()
-    if clip is not None:
-        clipped = old_values + (values - old_values).clamp(-clip, clip)
-        error = torch.max(error, (clipped - returns).square())
-    return 0.5 * error.mean()
+    error = values - returns
+    if clip is None:
+        return 0.5 * error.square().mean(), error / len(error)
+    change = values - old_values
+    clipped = change.clamp(-clip, clip)
+    clipped_error = clipped + old_values - returns
+    held = (clipped != change) & (clipped_error.abs() > error.abs())
+    loss = 0.5 * torch.where(held, clipped_error, error).square().mean()
+    return loss, error.masked_fill(held, 0.0) / len(error)

@@ -91,21 +91,28 @@ class Optimiser:
         return log_probability, entropy
 
     def _step(self, samples: Samples) -> tuple[Tensor, Tensor, Tensor]:
-        """Take one gradient step on one minibatch: policy loss, value loss, gradient norm."""
+        """Take one gradient step on one minibatch: policy loss, value loss, gradient norm.
+
+            loss = policy loss - c_entropy mean(entropy) + c_value value loss
+        """
         evaluation = self._network(samples.inputs)
         new, entropy = self._terms(evaluation, samples.arguments, samples.used, samples.pairs)
-        policy_loss = self._algorithm.policy_loss(new, samples)
-        value_loss = self._algorithm.value_loss(evaluation.value, samples)
-        loss = (
-            policy_loss
-            - self._config.entropy_coefficient * entropy.mean()
-            + self._config.value_coefficient * value_loss
+        policy_loss, by_log_probability = self._algorithm.policy_loss(new.detach(), samples)
+        value_loss, by_value = self._algorithm.value_loss(evaluation.value.detach(), samples)
+        (gradient,) = torch.autograd.grad(
+            (new, entropy, evaluation.value),
+            self._network.flat,
+            (
+                by_log_probability,
+                torch.full_like(entropy, -self._config.entropy_coefficient / len(entropy)),
+                by_value * self._config.value_coefficient,
+            ),
         )
-        (gradient,) = torch.autograd.grad(loss, self._network.flat)
         norm = torch.linalg.vector_norm(gradient)
-        self._network.flat.grad = gradient * (self._config.max_gradient_norm / (norm + 1e-6)).clamp(max=1.0)
+        gradient *= (self._config.max_gradient_norm / (norm + 1e-6)).clamp_(max=1.0)
+        self._network.flat.grad = gradient
         self._adam.step()
-        return policy_loss.detach(), value_loss.detach(), norm
+        return policy_loss, value_loss, norm
 
     def _statistics(self, samples: Samples, series: list[list[Tensor]]) -> UpdateStatistics:
         with torch.no_grad():
@@ -155,5 +162,5 @@ def _like(array: FloatArray, flat: Tensor) -> Tensor:
 
 def _split(samples: Samples, order: Tensor, parts: int) -> list[Samples]:
     """Return the samples in this order, in so many parts of sizes as equal as they can be."""
-    shuffled = {name: value[order].tensor_split(parts) for name, value in vars(samples).items()}
+    shuffled = {name: value.index_select(0, order).tensor_split(parts) for name, value in vars(samples).items()}
     return [Samples(**{name: values[part] for name, values in shuffled.items()}) for part in range(parts)]
