@@ -32,11 +32,11 @@ class Algorithm(Protocol):
         ...
 
     def policy_loss(self, log_probabilities: Tensor, samples: Samples) -> tuple[Tensor, Tensor]:
-        """Return the scalar to minimise for the policy and its gradient [B] by the new log-probabilities [B]."""
+        """Return the scalar to minimise for the policy and its gradient [B] by the log-probabilities [B]."""
         ...
 
     def value_loss(self, values: Tensor, samples: Samples) -> tuple[Tensor, Tensor]:
-        """Return the scalar to minimise for the critic and its gradient [B] by the new values [B]."""
+        """Return the scalar to minimise for the critic and its gradient [B] by the values [B]."""
         ...
 
 

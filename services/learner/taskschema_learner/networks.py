@@ -69,7 +69,7 @@ class ArgumentNetwork:
 
     def heads(self, outputs: Tensor) -> Heads:
         """Return what the last layer's outputs [B, O] mean."""
-        mean, raw_log_std, value, *pair_logits = outputs.split(list(self._heads.values()), dim=1)
+        mean, raw_log_std, value, *pair_logits = outputs.split_with_sizes(list(self._heads.values()), dim=1)
         return Heads(
             mean=mean,
             raw_log_std=raw_log_std,
@@ -125,7 +125,7 @@ class ArgumentNetwork:
 
 
 class _ActionTerms(torch.autograd.Function):
-    """The layers, the heads' bounds and the Gaussians, from parameters to terms, as one operation of autograd."""
+    """The layers, the heads' bounds and the Gaussians, from parameters to terms, as one operation."""
 
     @staticmethod
     def forward(  # noqa: D102

@@ -81,7 +81,7 @@ class Optimiser:
     def _step(self, samples: Samples) -> tuple[Tensor, Tensor, Tensor]:
         """Take one gradient step on one minibatch: policy loss, value loss, gradient norm.
 
-            loss = policy loss - c_entropy mean(entropy) + c_value value loss
+        loss = policy loss - c_entropy mean(entropy) + c_value value loss
         """
         terms = self._network.terms(samples.inputs, samples.arguments, samples.used)
         log_probability, entropy = terms.log_probability(samples.pairs), terms.entropy()
@@ -145,5 +145,7 @@ def _like(array: FloatArray, flat: Tensor) -> Tensor:
 
 def _split(samples: Samples, order: Tensor, parts: int) -> list[Samples]:
     """Return the samples in this order, in so many parts of sizes as equal as they can be."""
-    shuffled = {name: value.index_select(0, order).tensor_split(parts) for name, value in vars(samples).items()}
+    shuffled = {
+        name: value.index_select(0, order).tensor_split(parts) for name, value in vars(samples).items()
+    }
     return [Samples(**{name: values[part] for name, values in shuffled.items()}) for part in range(parts)]

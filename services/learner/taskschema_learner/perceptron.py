@@ -33,8 +33,9 @@ class Perceptron:
 
     def __init__(self, flat: Tensor, shapes: Shapes) -> None:
         """Compute with the parameters `flat` [P], whatever they are at each call."""
-        self._shapes = shapes
         self._layers = layer_views(flat.detach(), shapes)
+        self._gradient = torch.zeros_like(flat, requires_grad=False)
+        self._gradient_layers = layer_views(self._gradient, shapes)
 
     def forward(self, inputs: Tensor) -> list[Tensor]:
         """Return what each layer gets, `inputs` [B, I] first, and last the outputs [B, O]."""
@@ -45,19 +46,22 @@ class Perceptron:
         return [*activations, torch.addmm(bias, activations[-1], weight.t())]
 
     def gradient(self, activations: list[Tensor], by_outputs: Tensor) -> Tensor:
-        """Return the gradient [P] by the parameters, from what `forward` returned and the one by the outputs.
+        """Return the gradient [P] by the parameters, valid until the next call.
 
         For a layer y = W x + b:  dW = dy' x,  db = sum dy,  dx = dy W, and 0 where ReLU cut x off.
+
+        Args:
+            activations: what `forward` returned, the outputs not needed.
+            by_outputs: [B, O] the gradient by the outputs.
+
         """
-        result = by_outputs.new_empty(parameter_count(self._shapes))
-        views = layer_views(result, self._shapes)
         through = by_outputs
-        for layer in reversed(range(len(views))):
+        for layer in reversed(range(len(self._layers))):
             inputs = activations[layer]
-            weight_gradient, bias_gradient = views[layer]
+            weight_gradient, bias_gradient = self._gradient_layers[layer]
             torch.mm(through.t(), inputs, out=weight_gradient)
             torch.sum(through, 0, out=bias_gradient)
             if layer > 0:
                 by_inputs = torch.mm(through, self._layers[layer][0])
                 through = torch.ops.aten.threshold_backward(by_inputs, inputs, 0.0)
-        return result
+        return self._gradient

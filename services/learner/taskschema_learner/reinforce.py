@@ -25,7 +25,7 @@ class Reinforce:
         """Take the config as every algorithm does; REINFORCE has no settings of its own."""
 
     def policy_loss(self, log_probabilities: Tensor, samples: Samples) -> tuple[Tensor, Tensor]:
-        """Return L = -mean(r log pi) and dL / d log pi = -r / B, with r the discounted return from each step on."""
+        """Return L = -mean(r log pi), r the discounted return from each step on, and dL / d log pi."""
         returns = samples.returns
         return -(returns * log_probabilities).mean(), -returns / len(returns)
 
