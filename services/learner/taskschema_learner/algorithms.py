@@ -12,7 +12,11 @@ from taskschema_learner.reinforce import Reinforce
 
 
 class Algorithm(Protocol):
-    """What turns a batch into a loss of the network's policy and value."""
+    """What turns a batch into a loss of the network's policy and value.
+
+    Both losses come with their gradients written out: minibatches are so small that autograd's bookkeeping of
+    a dozen operations would cost more than the network itself.
+    """
 
     name: ClassVar[str]
     """Name in `config.ppo.algorithm`."""
@@ -27,12 +31,12 @@ class Algorithm(Protocol):
         """Lambda of the advantages that it takes."""
         ...
 
-    def policy_loss(self, log_probabilities: Tensor, samples: Samples) -> Tensor:
-        """Return the scalar to minimise for the policy, from the new log-probabilities [B]."""
+    def policy_loss(self, log_probabilities: Tensor, samples: Samples) -> tuple[Tensor, Tensor]:
+        """Return the scalar to minimise for the policy and its gradient [B] by the log-probabilities [B]."""
         ...
 
-    def value_loss(self, values: Tensor, samples: Samples) -> Tensor:
-        """Return the scalar to minimise for the critic, from the new values [B]."""
+    def value_loss(self, values: Tensor, samples: Samples) -> tuple[Tensor, Tensor]:
+        """Return the scalar to minimise for the critic and its gradient [B] by the values [B]."""
         ...
 
 

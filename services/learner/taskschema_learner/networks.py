@@ -10,26 +10,26 @@ from torch import Tensor
 
 from taskschema.arrays import AnyArray, Float32Array
 from taskschema.policies.network import LOG_STD_RANGE
-from taskschema_learner.losses import argument_terms
+from taskschema_learner.action_terms import ActionTerms
+from taskschema_learner.bounds import bounded_gradient
+from taskschema_learner.losses import gaussian_gradients, gaussian_terms
 from taskschema_learner.perceptron import Perceptron, layer_views, parameter_count
 
 
 @dataclass(frozen=True)
-class Evaluation:
-    """What the network says about B observations, as tensors that carry gradients."""
+class Heads:
+    """What the network says about B observations."""
 
     mean: Tensor
     """[B, A] mean of each normalised argument."""
+    raw_log_std: Tensor
+    """[B, A] log standard deviation before it is bounded."""
     log_std: Tensor
     """[B, A] log standard deviation."""
     value: Tensor
     """[B] expected return."""
     pair_logits: Tensor | None
     """[B, |X|] logits over skill pairs, of the `state` policy only."""
-
-    def argument_terms(self, arguments: Tensor, used: Tensor) -> tuple[Tensor, Tensor]:
-        """Return log-density [B] and entropy [B, nat] of raw arguments [B, A]; see `losses`."""
-        return argument_terms(arguments, self.mean, self.log_std, used)
 
 
 class ArgumentNetwork:
@@ -56,23 +56,32 @@ class ArgumentNetwork:
         if pairs:
             self._heads["pair"] = pairs
         self._shapes = list(pairwise([inputs, *hidden, sum(self._heads.values())]))
-        self.flat = torch.zeros(parameter_count(self._shapes), device=device, requires_grad=True)
-        """[P] all parameters."""
+        self._compute_with(torch.zeros(parameter_count(self._shapes), device=device))
 
     def use_float64(self) -> None:
         """Compute in double precision, for comparisons with other implementations."""
-        self.flat = self.flat.detach().double().requires_grad_()
+        self._compute_with(self.flat.detach().double())
 
-    def __call__(self, inputs: Tensor) -> Evaluation:
-        """Run the network on scaled observations [B, D]."""
-        outputs = Perceptron.apply(self.flat, inputs, self._shapes)  # type: ignore[no-untyped-call]
-        heads = outputs.split(list(self._heads.values()), dim=1)
-        return Evaluation(
-            mean=heads[0],
-            log_std=bounded(heads[1], *LOG_STD_RANGE),
-            value=heads[2][:, 0],
-            pair_logits=heads[3] if len(heads) > 3 else None,
+    def _compute_with(self, flat: Tensor) -> None:
+        self.flat = flat.requires_grad_()
+        """[P] all parameters."""
+        self.perceptron = Perceptron(flat, self._shapes)
+
+    def heads(self, outputs: Tensor) -> Heads:
+        """Return what the last layer's outputs [B, O] mean."""
+        mean, raw_log_std, value, *pair_logits = outputs.split_with_sizes(list(self._heads.values()), dim=1)
+        return Heads(
+            mean=mean,
+            raw_log_std=raw_log_std,
+            log_std=raw_log_std.clamp(*LOG_STD_RANGE),
+            value=value[:, 0],
+            pair_logits=pair_logits[0] if pair_logits else None,
         )
+
+    def terms(self, inputs: Tensor, arguments: Tensor, used: Tensor) -> ActionTerms:
+        """Return what the losses need of raw arguments [B, A] in scaled observations [B, D]; see `losses`."""
+        terms = _ActionTerms.apply(self.flat, inputs, arguments, used, self)  # type: ignore[no-untyped-call]
+        return ActionTerms(*terms)
 
     def inputs(self, observations: AnyArray) -> Tensor:
         """Return scaled observations [B, D] as the network takes them."""
@@ -115,28 +124,34 @@ class ArgumentNetwork:
             view.copy_(torch.from_numpy(np.array(weights[name])))
 
 
-def bounded(values: Tensor, low: float, high: float) -> Tensor:
-    """Return values limited to [low, high]; see `_Bounded`."""
-    limited: Tensor = _Bounded.apply(values, low, high)  # type: ignore[no-untyped-call]
-    return limited
-
-
-class _Bounded(torch.autograd.Function):
-    """Clamping whose gradient vanishes only where it pushes further out.
-
-    The entropy bonus then cannot drive a bounded value away behind its bound, from where nothing would
-    bring it back.
-    """
+class _ActionTerms(torch.autograd.Function):
+    """The layers, the heads' bounds and the Gaussians, from parameters to terms, as one operation."""
 
     @staticmethod
-    def forward(ctx: Any, values: Tensor, low: float, high: float) -> Tensor:  # noqa: ANN401
-        """Return values limited to [low, high]."""
-        bounded = values.clamp(low, high)
-        ctx.save_for_backward(values - bounded)
-        return bounded
+    def forward(  # noqa: D102
+        ctx: Any,  # noqa: ANN401
+        flat: Tensor,
+        inputs: Tensor,
+        arguments: Tensor,
+        used: Tensor,
+        network: ArgumentNetwork,
+    ) -> tuple[Tensor, ...]:
+        *activations, outputs = network.perceptron.forward(inputs)
+        heads = network.heads(outputs)
+        log_probability, entropy, z, inverse_std = gaussian_terms(arguments, heads.mean, heads.log_std, used)
+        ctx.perceptron, ctx.activations = network.perceptron, activations
+        ctx.gaussians = (z, inverse_std, used)
+        ctx.excess = heads.raw_log_std - heads.log_std
+        pair_logits = () if heads.pair_logits is None else (heads.pair_logits,)
+        return log_probability, entropy, heads.value, *pair_logits
 
     @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None]:  # noqa: ANN401
-        """Return the gradient, 0 where descending it would leave the bounds."""
-        (excess,) = ctx.saved_tensors
-        return gradients[0] * (gradients[0] * excess >= 0), None, None
+    def backward(  # noqa: D102
+        ctx: Any,  # noqa: ANN401
+        *gradients: Tensor,
+    ) -> tuple[Tensor, None, None, None, None]:
+        by_log_probability, by_entropy, by_value, *by_pair_logits = gradients
+        by_mean, by_log_std = gaussian_gradients(by_log_probability, by_entropy, *ctx.gaussians)
+        by_log_std = bounded_gradient(by_log_std, ctx.excess)
+        by_outputs = torch.cat([by_mean, by_log_std, by_value[:, None], *by_pair_logits], dim=1)
+        return ctx.perceptron.gradient(ctx.activations, by_outputs), None, None, None, None

@@ -11,9 +11,8 @@ from taskschema.config import PPOConfig
 from taskschema_learner.advantages import generalised_advantages
 from taskschema_learner.algorithms import make_algorithm
 from taskschema_learner.batch import Batch, Samples
-from taskschema_learner.losses import pair_entropy, pair_log_probability
-from taskschema_learner.networks import ArgumentNetwork, Evaluation
-from taskschema_learner.spatial_network import SpatialEvaluation, SpatialNetwork
+from taskschema_learner.networks import ArgumentNetwork
+from taskschema_learner.spatial_network import SpatialNetwork
 
 
 @dataclass(frozen=True)
@@ -62,9 +61,9 @@ class Optimiser:
         arguments, used = (torch.from_numpy(array).to(like) for array in (batch.arguments, batch.used))
         pairs = torch.from_numpy(batch.pairs).to(like.device)
         with torch.no_grad():
-            evaluation = self._network(inputs)
-            old, _ = self._terms(evaluation, arguments, used, pairs)
-        values = evaluation.value.cpu().numpy().astype(np.float64)
+            terms = self._network.terms(inputs, arguments, used)
+            old = terms.log_probability(pairs)
+        values = terms.value.cpu().numpy().astype(np.float64)
         advantages = generalised_advantages(
             batch.rewards, batch.padded(values), batch.lengths, self._config.gamma, self._algorithm.gae_lambda
         )[batch.inside]
@@ -74,51 +73,42 @@ class Optimiser:
             arguments=arguments,
             used=used,
             old_log_probabilities=old,
-            old_values=evaluation.value,
+            old_values=terms.value,
             advantages=torch.from_numpy(advantages).to(like),
             returns=torch.from_numpy(advantages + values).to(like),
         )
 
-    @staticmethod
-    def _terms(
-        evaluation: Evaluation | SpatialEvaluation, arguments: Tensor, used: Tensor, pairs: Tensor
-    ) -> tuple[Tensor, Tensor]:
-        """Return log-probability [B] and entropy [B] of actions, of the pair only if the network chose it."""
-        log_probability, entropy = evaluation.argument_terms(arguments, used)
-        if evaluation.pair_logits is not None:
-            log_probability = log_probability + pair_log_probability(evaluation.pair_logits, pairs)
-            entropy = entropy + pair_entropy(evaluation.pair_logits)
-        return log_probability, entropy
-
     def _step(self, samples: Samples) -> tuple[Tensor, Tensor, Tensor]:
-        """Take one gradient step on one minibatch: policy loss, value loss, gradient norm."""
-        evaluation = self._network(samples.inputs)
-        new, entropy = self._terms(evaluation, samples.arguments, samples.used, samples.pairs)
-        policy_loss = self._algorithm.policy_loss(new, samples)
-        value_loss = self._algorithm.value_loss(evaluation.value, samples)
-        loss = (
-            policy_loss
-            - self._config.entropy_coefficient * entropy.mean()
-            + self._config.value_coefficient * value_loss
+        """Take one gradient step on one minibatch: policy loss, value loss, gradient norm.
+
+        loss = policy loss - c_entropy mean(entropy) + c_value value loss
+        """
+        terms = self._network.terms(samples.inputs, samples.arguments, samples.used)
+        log_probability, entropy = terms.log_probability(samples.pairs), terms.entropy()
+        policy_loss, by_log_probability = self._algorithm.policy_loss(log_probability.detach(), samples)
+        value_loss, by_value = self._algorithm.value_loss(terms.value.detach(), samples)
+        by_entropy = torch.full_like(entropy, -self._config.entropy_coefficient / len(entropy))
+        (gradient,) = torch.autograd.grad(
+            (log_probability, entropy, terms.value),
+            self._network.flat,
+            (by_log_probability, by_entropy, by_value * self._config.value_coefficient),
         )
-        (gradient,) = torch.autograd.grad(loss, self._network.flat)
         norm = torch.linalg.vector_norm(gradient)
-        self._network.flat.grad = gradient * (self._config.max_gradient_norm / (norm + 1e-6)).clamp(max=1.0)
+        gradient *= (self._config.max_gradient_norm / (norm + 1e-6)).clamp_(max=1.0)
+        self._network.flat.grad = gradient
         self._adam.step()
-        return policy_loss.detach(), value_loss.detach(), norm
+        return policy_loss, value_loss, norm
 
     def _statistics(self, samples: Samples, series: list[list[Tensor]]) -> UpdateStatistics:
         with torch.no_grad():
-            evaluation = self._network(samples.inputs)
-            new, _ = self._terms(evaluation, samples.arguments, samples.used, samples.pairs)
-            _, entropy = evaluation.argument_terms(samples.arguments, samples.used)
-            log_ratio = new - samples.old_log_probabilities
+            terms = self._network.terms(samples.inputs, samples.arguments, samples.used)
+            log_ratio = terms.log_probability(samples.pairs) - samples.old_log_probabilities
             outside = (log_ratio.exp() - 1.0).abs() > self._config.clip
             means = [torch.stack(values).mean() for values in series]
         return UpdateStatistics(
             policy_loss=float(means[0]),
             value_loss=float(means[1]),
-            argument_entropy=float(entropy.mean()),
+            argument_entropy=float(terms.argument_entropy.mean()),
             approximate_kl=float(-log_ratio.mean()),
             clip_fraction=float(outside.double().mean()),
             gradient_norm=float(means[2]),
@@ -155,5 +145,7 @@ def _like(array: FloatArray, flat: Tensor) -> Tensor:
 
 def _split(samples: Samples, order: Tensor, parts: int) -> list[Samples]:
     """Return the samples in this order, in so many parts of sizes as equal as they can be."""
-    shuffled = {name: value[order].tensor_split(parts) for name, value in vars(samples).items()}
+    shuffled = {
+        name: value.index_select(0, order).tensor_split(parts) for name, value in vars(samples).items()
+    }
     return [Samples(**{name: values[part] for name, values in shuffled.items()}) for part in range(parts)]

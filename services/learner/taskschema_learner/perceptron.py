@@ -1,12 +1,12 @@
 """ReLU layers over one flat parameter vector, with their gradient written out."""
 
-from typing import Any
-
 import torch
 from torch import Tensor
 
 Shapes = list[tuple[int, int]]
 """(inputs, outputs) of each layer."""
+Layers = list[tuple[Tensor, Tensor]]
+"""Each layer's weight [O, I] and bias [O]."""
 
 
 def parameter_count(shapes: Shapes) -> int:
@@ -14,8 +14,8 @@ def parameter_count(shapes: Shapes) -> int:
     return sum((inputs + 1) * outputs for inputs, outputs in shapes)
 
 
-def layer_views(flat: Tensor, shapes: Shapes) -> list[tuple[Tensor, Tensor]]:
-    """Return each layer's weight [O, I] and bias [O] as views of `flat` [P]."""
+def layer_views(flat: Tensor, shapes: Shapes) -> Layers:
+    """Return each layer's weight and bias as views of `flat` [P]."""
     sizes = [size for inputs, outputs in shapes for size in (inputs * outputs, outputs)]
     parts = torch.split(flat, sizes)
     return [
@@ -24,39 +24,44 @@ def layer_views(flat: Tensor, shapes: Shapes) -> list[tuple[Tensor, Tensor]]:
     ]
 
 
-class Perceptron(torch.autograd.Function):
-    """A multi-layer perceptron with ReLU between its layers, as one operation of autograd.
+class Perceptron:
+    """A multi-layer perceptron with ReLU between its layers.
 
-    Minibatches are so small that the number of operations decides how long an update takes: here forward
-    and backward need half of what one autograd node per operation and parameter would.
+    Minibatches are so small that the number of operations decides how long an update takes: autograd, with a
+    node per operation and parameter, would need twice as long.
     """
 
-    @staticmethod
-    def forward(ctx: Any, flat: Tensor, inputs: Tensor, shapes: Shapes) -> Tensor:  # noqa: ANN401
-        """Return outputs [B, O] of inputs [B, I], for parameters `flat` [P]; inputs get no gradient."""
-        layers = layer_views(flat, shapes)
-        activations = [inputs]
-        for weight, bias in layers[:-1]:
-            activations.append(torch.addmm(bias, activations[-1], weight.t()).relu_())
-        ctx.shapes, ctx.layers, ctx.activations = shapes, layers, activations
-        weight, bias = layers[-1]
-        return torch.addmm(bias, activations[-1], weight.t())
+    def __init__(self, flat: Tensor, shapes: Shapes) -> None:
+        """Compute with the parameters `flat` [P], whatever they are at each call."""
+        self._layers = layer_views(flat.detach(), shapes)
+        self._gradient = torch.zeros_like(flat, requires_grad=False)
+        self._gradient_layers = layer_views(self._gradient, shapes)
 
-    @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None]:  # noqa: ANN401
-        """Return the gradient of `flat` [P].
+    def forward(self, inputs: Tensor) -> list[Tensor]:
+        """Return what each layer gets, `inputs` [B, I] first, and last the outputs [B, O]."""
+        activations = [inputs]
+        for weight, bias in self._layers[:-1]:
+            activations.append(torch.addmm(bias, activations[-1], weight.t()).relu_())
+        weight, bias = self._layers[-1]
+        return [*activations, torch.addmm(bias, activations[-1], weight.t())]
+
+    def gradient(self, activations: list[Tensor], by_outputs: Tensor) -> Tensor:
+        """Return the gradient [P] by the parameters, valid until the next call.
 
         For a layer y = W x + b:  dW = dy' x,  db = sum dy,  dx = dy W, and 0 where ReLU cut x off.
+
+        Args:
+            activations: what `forward` returned, the outputs not needed.
+            by_outputs: [B, O] the gradient by the outputs.
+
         """
-        (gradient,) = gradients
-        result = gradient.new_empty(parameter_count(ctx.shapes))
-        views = layer_views(result, ctx.shapes)
-        for layer in reversed(range(len(views))):
-            inputs = ctx.activations[layer]
-            weight_gradient, bias_gradient = views[layer]
-            torch.mm(gradient.t(), inputs, out=weight_gradient)
-            torch.sum(gradient, 0, out=bias_gradient)
+        through = by_outputs
+        for layer in reversed(range(len(self._layers))):
+            inputs = activations[layer]
+            weight_gradient, bias_gradient = self._gradient_layers[layer]
+            torch.mm(through.t(), inputs, out=weight_gradient)
+            torch.sum(through, 0, out=bias_gradient)
             if layer > 0:
-                through = torch.mm(gradient, ctx.layers[layer][0])
-                gradient = torch.ops.aten.threshold_backward(through, inputs, 0.0)
-        return result, None, None
+                by_inputs = torch.mm(through, self._layers[layer][0])
+                through = torch.ops.aten.threshold_backward(by_inputs, inputs, 0.0)
+        return self._gradient

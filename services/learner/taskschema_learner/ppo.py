@@ -19,12 +19,12 @@ class PPO:
         self.epochs = config.epochs
         self.gae_lambda = config.gae_lambda
 
-    def policy_loss(self, log_probabilities: Tensor, samples: Samples) -> Tensor:
+    def policy_loss(self, log_probabilities: Tensor, samples: Samples) -> tuple[Tensor, Tensor]:
         """Return `clipped_policy_loss` with advantages normalised over the minibatch."""
         advantages = normalise(samples.advantages, self._config.advantage_std_floor)
         log_ratio = log_probabilities - samples.old_log_probabilities
         return clipped_policy_loss(log_ratio, advantages, self._config.clip)
 
-    def value_loss(self, values: Tensor, samples: Samples) -> Tensor:
+    def value_loss(self, values: Tensor, samples: Samples) -> tuple[Tensor, Tensor]:
         """Return `clipped_value_loss`."""
         return clipped_value_loss(values, samples.old_values, samples.returns, self._config.value_clip)

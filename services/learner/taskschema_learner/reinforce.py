@@ -24,10 +24,11 @@ class Reinforce:
     def __init__(self, config: PPOConfig) -> None:
         """Take the config as every algorithm does; REINFORCE has no settings of its own."""
 
-    def policy_loss(self, log_probabilities: Tensor, samples: Samples) -> Tensor:
-        """Return -mean(r log pi), with r the discounted return from each step on."""
-        return -(samples.returns * log_probabilities).mean()
+    def policy_loss(self, log_probabilities: Tensor, samples: Samples) -> tuple[Tensor, Tensor]:
+        """Return L = -mean(r log pi), r the discounted return from each step on, and dL / d log pi."""
+        returns = samples.returns
+        return -(returns * log_probabilities).mean(), -returns / len(returns)
 
-    def value_loss(self, values: Tensor, samples: Samples) -> Tensor:
-        """Return half the mean squared error; the policy does not use the value."""
+    def value_loss(self, values: Tensor, samples: Samples) -> tuple[Tensor, Tensor]:
+        """Return half the mean squared error and its gradient; the policy does not use the value."""
         return clipped_value_loss(values, samples.old_values, samples.returns, None)

@@ -24,8 +24,9 @@ from taskschema.policies.spatial_trunk import (
 )
 from taskschema.skills.pairs import ARMS
 from taskschema.tasks.task import Task
+from taskschema_learner.action_terms import ActionTerms
+from taskschema_learner.bounds import bounded
 from taskschema_learner.losses import argument_terms
-from taskschema_learner.networks import bounded
 
 FRAMES_AT_ONCE = 32
 """Frames that pass the trunk together; it bounds memory."""
@@ -43,8 +44,6 @@ class SpatialEvaluation:
     """[2, 2 + p]"""
     value: Tensor
     """[B] expected return."""
-    pair_logits: None = None
-    """The network never chooses the pair."""
 
     def argument_terms(self, arguments: Tensor, used: Tensor) -> tuple[Tensor, Tensor]:
         """Return log-density [B] and entropy [B, nat] of the mixed actions: cells and what is read there.
@@ -133,6 +132,11 @@ class SpatialNetwork:
             log_std=bounded(weights["log_std"], *LOG_STD_RANGE),
             value=value[:, 0],
         )
+
+    def terms(self, inputs: Tensor, arguments: Tensor, used: Tensor) -> ActionTerms:
+        """Return what the losses need of raw actions [B, R] on what `inputs` returned, [B, ...]."""
+        evaluation = self(inputs)
+        return ActionTerms(*evaluation.argument_terms(arguments, used), evaluation.value)
 
     def _maps_of(self, inputs: Tensor) -> tuple[Tensor, Tensor]:
         """Return 16 maps of 8 x 8 of some frames, or of their features, and the 2 + 4 + 2p made of them."""
