@@ -108,6 +108,8 @@ CASES = {
     "run of another format": (["schema", "newer"], "format version 99"),
     "resume of a corrupt run": (["train", "--resume", "--run-dir", "runs/corrupt"], "damaged config.json"),
     "unknown audit": (["audit", "toi"], "Unknown task"),
+    "audit of nothing": (["audit"], "Name a TASK"),
+    "audit of no file": (["audit", "--task-file", "nowhere.py:Mine"], "'nowhere.py' cannot be read"),
     "scale of nothing": (["scale", "3"], "No run trains here"),
     "scale of an unknown run": (["scale", "3", "--run", "nope"], "Unknown run 'nope'"),
 }

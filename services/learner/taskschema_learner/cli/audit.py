@@ -15,7 +15,12 @@ def register(app: typer.Typer) -> None:
 
 
 def audit(
-    task: Annotated[str, typer.Argument(metavar="TASK", help="Task to audit: see `taskschema tasks`.")],
+    task: Annotated[
+        str | None, typer.Argument(metavar="TASK", help="Task to audit: see `taskschema tasks`.")
+    ] = None,
+    task_file: Annotated[
+        str | None, typer.Option(metavar="FILE:CLASS", help="A task of your own instead of TASK.")
+    ] = None,
     effort: Annotated[
         str, typer.Option(metavar="quick|medium|full", help="Sample sizes: minutes, half an hour, or hours.")
     ] = "quick",
@@ -35,9 +40,12 @@ def audit(
     """
     from rich.console import Console
 
-    from taskschema.tasks.registry import get_task
+    from taskschema.errors import ConfigError
+    from taskschema.tasks.registry import get_task, load_task_source, read_task_file
 
-    audited = get_task(task)
+    if (task is None) == (task_file is None):
+        raise ConfigError("Name a TASK (see `taskschema tasks`) or give --task-file FILE:CLASS, one of both.")
+    audited = get_task(task or "") if task_file is None else load_task_source(*read_task_file(task_file))
     from taskschema_learner.run_folder import write_atomically
     from taskschema_worker.audit import audit as measure
 
