@@ -106,8 +106,8 @@ class Run:
         bus.acquire()
         return bus
 
-    def worker(self, worker_id: str = "worker", lease_seconds: float = 15.0) -> WorkerBus:
-        bus = WorkerBus(connect(self.url), self.name, worker_id, lease_seconds=lease_seconds)
+    def worker(self, worker_id: str = "worker", lease_seconds: float = 15.0, cores: float = 1.0) -> WorkerBus:
+        bus = WorkerBus(connect(self.url), self.name, worker_id, lease_seconds=lease_seconds, cores=cores)
         return self._stack.enter_context(bus)
 
     def send(self, header: object, data: bytes) -> None:

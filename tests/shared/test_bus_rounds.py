@@ -11,7 +11,7 @@ from bus_setup import Run, deliver, encoded, gather, some_metrics, some_trajecto
 from taskschema.bus import heartbeat, learner_bus
 from taskschema.bus.connection import connect
 from taskschema.bus.work_stream import open_count
-from taskschema.bus.worker_bus import MOST_SLOTS, WorkerBus
+from taskschema.bus.worker_bus import MOST_SHARED_SLOTS, MOST_SLOTS, WorkerBus
 from taskschema.errors import BusError, ConfigError, QuarantineLimitError, UnknownNameError
 from taskschema.trajectory import encode_slot
 
@@ -91,6 +91,14 @@ def test_two_workers_share_a_round(run: Run) -> None:
     learner, first, second = run.learner(), run.worker("first"), run.worker("second")
     learner.open_round(0, toy_snapshot(), range(8))
     assert [len(first.lease(1)), len(second.lease(1))] == [4, 4]
+
+
+def test_workers_that_share_cores_lease_as_many_slots_as_there_are_cores_for(run: Run) -> None:
+    learner, workers = run.learner(), [run.worker(f"worker-{index}", cores=0.25) for index in range(8)]
+    learner.open_round(0, toy_snapshot(), range(12))
+    assert [len(worker.lease(1)) for worker in workers[:3]] == [6, 6, 0]
+    learner.open_round(1, toy_snapshot(), range(100))
+    assert len(workers[3].lease(1)) == MOST_SHARED_SLOTS
 
 
 def test_a_lone_worker_leases_a_large_round_in_parts(run: Run) -> None:

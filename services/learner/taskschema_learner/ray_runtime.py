@@ -186,7 +186,7 @@ class RayRuntime:
             scheduling_strategy="SPREAD",
             runtime_env={"env_vars": SINGLE_THREADED},
         )
-        handle: ActorHandle[Any] = options.remote(redis_url, run, name)
+        handle: ActorHandle[Any] = options.remote(redis_url, run, name, cpus)
         return handle
 
     def ended(self, references: "Sequence[ObjectRef[None]]") -> "dict[ObjectRef[None], str | None]":

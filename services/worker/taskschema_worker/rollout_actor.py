@@ -19,14 +19,16 @@ class RolloutActor:
         redis_url: Redis of the run.
         run: the run's name.
         name: ends the worker's id, also after a restart elsewhere.
+        cores: part of a core that it has to itself.
 
     """
 
-    def __init__(self, redis_url: str, run: str, name: str) -> None:
+    def __init__(self, redis_url: str, run: str, name: str, cores: float) -> None:
         log_to_stderr(log_format(os.environ.get(FORMAT_VARIABLE, "text")))
         self._redis_url = redis_url
         self._run = run
         self._name = name
+        self._cores = cores
         self._stop = threading.Event()
 
     def run(self) -> None:
@@ -38,7 +40,7 @@ class RolloutActor:
         """
         worker_id = f"{socket.gethostname()}-{os.getpid()}-{self._name}"
         bind(run=self._run, worker=worker_id)
-        bus = WorkerBus(connect(self._redis_url), self._run, worker_id)
+        bus = WorkerBus(connect(self._redis_url), self._run, worker_id, cores=self._cores)
         Worker(bus).run(self._stop)
 
     def stop(self) -> None:

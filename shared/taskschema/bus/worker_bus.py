@@ -35,6 +35,8 @@ LEASE_SECONDS = 15.0
 """A simulated worker that gave no sign of life for this long [s] loses its leases to another."""
 MOST_SLOTS = 25
 """Slots leased at once at most: bounds the memory of the batch they are run as; larger ones are no faster."""
+MOST_SHARED_SLOTS = 8
+"""As many for agents that share their core with others, and its memory."""
 SLOTS_PER_TRANSACTION = 16
 """Bounds the memory of one delivery."""
 
@@ -43,6 +45,15 @@ class WorkerBus:
     """Leases slots of one run to one agent. A context manager: joins the run and leaves it.
 
     All methods raise BusError when Redis does not answer; the agent may then just try again.
+
+    Args:
+        client: connection to the run's Redis.
+        run: the run's name.
+        worker_id: the agent's name, unique within the run.
+        kind: simulated worker or robot.
+        lease_seconds: an agent that gave no sign of life for this long [s] loses its leases.
+        cores: part of a core that the agent has to itself.
+
     """
 
     def __init__(
@@ -53,12 +64,14 @@ class WorkerBus:
         *,
         kind: AgentKind = "simulation",
         lease_seconds: float = LEASE_SECONDS,
+        cores: float = 1.0,
     ) -> None:
         self._client: Any = client  # redis-py types every answer as a union with its asyncio twin's
         self._run = run
         self._worker_id = worker_id
         self._kind = kind
         self._lease_ms = int(lease_seconds * 1000)
+        self._cores = min(cores, 1.0)
         self._keys = RunKeys(run)
         self._records = RunRecords(client)
         self._config: RunConfig | None = None
@@ -133,8 +146,10 @@ class WorkerBus:
     def lease(self, block_ms: int) -> list[Lease]:
         """Return slots to run, all with the same policy; waits up to `block_ms` [ms, at most 10 s].
 
-        Expired leases of others come first. No more than the agent's share, ceil(open slots / live agents),
-        so that all finish at about the same time, and never more than `MOST_SLOTS`.
+        Expired leases of others come first. No more than the agent's share, ceil(open slots / cores of all
+        live agents), so that all finish at about the same time: agents that share a core run after one
+        another, and a batch of one slot costs more an episode than one of eight. Never more than
+        `MOST_SLOTS`, or `MOST_SHARED_SLOTS`.
 
         Raises:
             ConfigError: if the run was replaced by one of another config.
@@ -171,7 +186,8 @@ class WorkerBus:
         alive: int = self._client.zcount(self._keys.heartbeats, f"({seconds - ALIVE_SECONDS}", "+inf")
         # An idle agent waits for the next round, whose slots come all at once.
         expected_slots = open_count(self._client, self._keys) or config.slots
-        return min(math.ceil(expected_slots / max(alive, 1)), MOST_SLOTS)
+        most = MOST_SLOTS if self._cores == 1.0 else MOST_SHARED_SLOTS
+        return min(math.ceil(expected_slots / max(alive * self._cores, 1.0)), most)
 
     def _expired(self, count: int) -> list[tuple[bytes, dict[bytes, bytes]]]:
         try:
