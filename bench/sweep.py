@@ -1,15 +1,18 @@
-"""How settings change what the toy task takes to learn: seeds x settings, as a table.
+"""How settings change what a task takes to learn: seeds x settings, as a table.
 
-    python -m bench.sweep_toy --processes 2 --write results/toy/sweep.md
+    python -m bench.sweep toy --processes 2 --write results/toy/sweep.md
+    python -m bench.sweep lateral-lifting --seeds 3 --rounds 150 --processes 2 \
+        --write results/lateral-lifting/sweep.md
 
-Everything runs in this process. A run ends when 90 % of the last 100 episodes succeed, or after
-`--rounds` rounds of 200 episodes.
+A run ends when 90 % of the last 100 episodes succeed, or after `--rounds` rounds of 200 episodes. The
+settings of the toy are many, those of a task with physics the ones that the defaults rest on.
 """
 
 import argparse
 import itertools
 import time
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass
 from functools import cache
 from multiprocessing import get_context
@@ -19,53 +22,30 @@ from statistics import median
 import numpy as np
 import torch
 
-from taskschema.arrays import FloatArray, IntArray
+from bench.toy_trap import TrapToy
 from taskschema.config import RunConfig, override
 from taskschema.policies import Policy
+from taskschema.schema import SchemaView
 from taskschema.tasks import Task, get_task
-from taskschema.tasks.task import StepResult
-from taskschema.tasks.toy import Toy, ToyEnvironment
+from taskschema.tasks.scene_task import SceneTask
+from taskschema_learner.default_config import default_config
 from taskschema_learner.learner import Learner
+from taskschema_learner.machine import machine
+from taskschema_learner.schema_report import compare
+from taskschema_worker.environments import make_environment
 from taskschema_worker.rollout import collect_slots
 
-HEADING = """# What the toy task takes to learn
+HEADING = """# What {task} takes to learn under other settings
 
-Made by `{command} --write results/toy/sweep.md`. A run ends when 90 % of the last 100 episodes succeed;
-a round has 200 episodes; an unsolved run counts with all its rounds. `toy-trap` is the toy with as many
-schemas that succeed in at most 20 % of episodes as good ones. The good set is made with the expert's
-arguments; the `state` policy has no schema.
+Made by `{command}` on {machine}. A run ends when
+90 % of the last 100 episodes succeed; a round has 200 episodes; an unsolved run counts with all its rounds.
+"""
+TOY_NOTE = """`toy-trap` is the toy with as many schemas that succeed in at most 20 % of episodes as good ones. The
+good set is made with the expert's arguments; the `state` policy has no schema.
 """
 GOOD_RATE = 0.95
-TRAP_SHARE = 0.2
-
-
-class TrapEnvironment(ToyEnvironment):
-    """The toy, but a bar whose two handles were not grasped in the first step slips in 80 % of episodes."""
-
-    def reset(self, generators: list[np.random.Generator]) -> FloatArray:
-        observations = super().reset(generators)
-        self._slips = np.array([rng.random() >= TRAP_SHARE for rng in generators])
-        self._late = np.zeros(len(generators), dtype=bool)
-        return observations
-
-    def step(self, episodes: IntArray, pairs: IntArray, arguments: FloatArray) -> StepResult:
-        first = self._time[episodes] == 0
-        self._late[episodes] |= first & (pairs != self._task.paper_pairs[0])
-        result = super().step(episodes, pairs, arguments)
-        success = result.success & ~(self._late & self._slips)[episodes]
-        return StepResult(result.observations, success, result.diverged, result.physics_steps)
-
-
-class TrapToy(Toy):
-    """A toy with as many lucky schemas, which never pass 20 %, as good ones."""
-
-    name = "toy-trap"
-
-    def make_environment(self, threads: int = 1) -> TrapEnvironment:
-        return TrapEnvironment(self)
-
-
-TASKS: dict[str, Task] = {"toy": get_task("toy"), "toy-trap": TrapToy()}
+TRAPS: dict[str, type[Task]] = {"toy-trap": TrapToy}
+"""Tasks that only this table has."""
 
 
 @dataclass(frozen=True)
@@ -76,10 +56,14 @@ class Outcome:
     """`equal` (the known schema), `equivalent` (another good one) or `different`."""
 
 
+def task_named(name: str) -> Task:
+    return TRAPS[name]() if name in TRAPS else get_task(name)
+
+
 @cache
-def good_schemas(task_name: str) -> frozenset[tuple[int, ...]]:
-    """Return all schemas that solve 95 % of 200 instances with the expert's arguments."""
-    task = TASKS[task_name]
+def good_toy_schemas(task_name: str) -> frozenset[tuple[int, ...]]:
+    """Return all of a toy's schemas that solve 95 % of 200 instances with the expert's arguments."""
+    task = task_named(task_name)
     environment = task.make_environment()
     good = set()
     for schema in itertools.product(range(len(task.pairs)), repeat=task.horizon):
@@ -98,40 +82,51 @@ def good_schemas(task_name: str) -> frozenset[tuple[int, ...]]:
 
 def classify(task_name: str, learner: Learner) -> str:
     """Say which schema was found; rows that its successes do not need do not count."""
+    task = task_named(task_name)
+    if isinstance(task, SceneTask):
+        view = SchemaView(task.pairs, learner.logits)
+        return str(compare(task, view.best(learner.used_steps)).verdict)
     used = learner.used_steps or 0
     best = tuple(int(pair) for pair in learner.logits.argmax(axis=1)[:used])
-    if best == tuple(TASKS[task_name].paper_pairs):
+    if best == tuple(task.paper_pairs):
         return "equal"
-    return "equivalent" if any(schema[:used] == best for schema in good_schemas(task_name)) else "different"
+    good = good_toy_schemas(task_name)
+    return "equivalent" if any(schema[:used] == best for schema in good) else "different"
 
 
 def run(task_name: str, config: RunConfig, rounds: int) -> Outcome:
     """Train once."""
-    task = TASKS[task_name]
-    environment, learner = task.make_environment(), Learner(config, task)
+    task = task_named(task_name)
+    learner = Learner(config, task)
     recent: list[bool] = []
-    for done in range(rounds):
-        slots = collect_slots(
-            environment,
-            Policy(learner.snapshot(), task.pairs, task.observation),
-            seed=config.seed,
-            round_index=done,
-            slots=range(config.slots),
-            episodes_per_slot=config.episodes_per_slot,
-            horizon=task.horizon,
-        )
-        trajectories = [trajectory for slot in slots for trajectory in slot]
-        learner.update(trajectories)
-        recent = (recent + [item.success for item in trajectories])[-100:]
-        if sum(recent) >= 90:
-            found = "state" if config.policy == "state" else classify(task_name, learner)
-            return Outcome((done + 1) * len(trajectories), found)
+    with closing(make_environment(task, 1, config.observation)) as environment:
+        for done in range(rounds):
+            slots = collect_slots(
+                environment,
+                Policy(learner.snapshot(), task.pairs, task.observation),
+                seed=config.seed,
+                round_index=done,
+                slots=range(config.slots),
+                episodes_per_slot=config.episodes_per_slot,
+                horizon=task.horizon,
+            )
+            trajectories = [trajectory for slot in slots for trajectory in slot]
+            learner.update(trajectories)
+            recent = (recent + [item.success for item in trajectories])[-100:]
+            if sum(recent) >= 90:
+                found = "state" if config.policy == "state" else classify(task_name, learner)
+                return Outcome((done + 1) * len(trajectories), found)
     return Outcome(None, "unsolved")
 
 
-def settings() -> list[tuple[str, dict[str, str]]]:
+def settings(task: str) -> list[tuple[str, dict[str, str]]]:
     """Return the task and what differs from the default, for every row of the table."""
-    rows: list[tuple[str, dict[str, str]]] = [("toy", {}), ("toy-trap", {})]
+    if task != "toy":
+        rows: list[tuple[str, dict[str, str]]] = [(task, {})]
+        rows += [(task, {"schema.alpha": value}) for value in ("0.5", "1", "4")]
+        rows += [(task, {"schema.beta": value}) for value in ("1e-4", "1.6e-3")]
+        return rows + [(task, {"network.initial_log_std": value}) for value in ("-0.5", "-1.5")]
+    rows = [("toy", {}), ("toy-trap", {})]
     rows += [("toy", {"policy": "oracle"}), ("toy", {"policy": "state"})]
     rows += [("toy", {"schema.alpha": value}) for value in ("0.1", "0.3", "1", "5")]
     rows += [("toy", {"schema.beta": value}) for value in ("5e-5", "2e-4", "1e-3")]
@@ -141,14 +136,18 @@ def settings() -> list[tuple[str, dict[str, str]]]:
     return rows
 
 
+def defaults(task_name: str, seed: int) -> RunConfig:
+    """Return the config that a row differs from; tasks of this table alone have the toy's."""
+    return RunConfig(task="toy", seed=seed) if "toy" in task_name else default_config(task_name, seed=seed)
+
+
 def row(item: tuple[str, dict[str, str], int, int]) -> str:
     """Run one row's seeds and return it as Markdown."""
     task_name, differences, seeds, rounds = item
     torch.set_num_threads(1)
     started = time.process_time()
     outcomes = [
-        run(task_name, override(RunConfig(task="toy", seed=seed), differences), rounds)
-        for seed in range(seeds)
+        run(task_name, override(defaults(task_name, seed), differences), rounds) for seed in range(seeds)
     ]
     episodes = [outcome.episodes for outcome in outcomes if outcome.episodes is not None]
     found = [outcome.found for outcome in outcomes]
@@ -168,6 +167,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    parser.add_argument("task", help="toy, or a task with physics")
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--rounds", type=int, default=300)
     parser.add_argument("--processes", type=int, default=1)
@@ -180,14 +180,18 @@ def main() -> None:
         "|---|---|---|---|---|---|---|---|",
     ]
     print("\n".join(head), flush=True)
-    items = [(task, changes, arguments.seeds, arguments.rounds) for task, changes in settings()]
+    items = [(task, changes, arguments.seeds, arguments.rounds) for task, changes in settings(arguments.task)]
     items = [item for item in items if arguments.rows in f"{item[0]} {item[1]}"]
     with ProcessPoolExecutor(arguments.processes, mp_context=get_context("spawn")) as pool:
         lines = [*head, *pool.map(row, items)]
     if arguments.write is not None:
         arguments.write.parent.mkdir(parents=True, exist_ok=True)
-        command = f"python -m bench.sweep_toy --seeds {arguments.seeds} --rounds {arguments.rounds}"
-        arguments.write.write_text(f"{HEADING.format(command=command)}\n" + "\n".join(lines) + "\n")
+        command = f"python -m bench.sweep {arguments.task} --seeds {arguments.seeds}"
+        heading = HEADING.format(
+            task=arguments.task, command=f"{command} --rounds {arguments.rounds}", machine=machine()
+        )
+        note = TOY_NOTE if arguments.task == "toy" else ""
+        arguments.write.write_text(f"{heading}{note}\n" + "\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":
