@@ -40,8 +40,8 @@ HEADING = """# What {task} takes to learn under other settings
 Made by `{command}` on {machine}. A run ends when
 90 % of the last 100 episodes succeed; a round has 200 episodes; an unsolved run counts with all its rounds.
 """
-TOY_NOTE = """`toy-trap` is the toy with as many schemas that succeed in at most 20 % of episodes as good ones.
-The good set is made with the expert's arguments; the `state` policy has no schema.
+TOY_NOTE = """`toy-trap` is the toy with as many schemas that succeed in at most 20 % of episodes as good
+ones. The good set is made with the expert's arguments; the `state` policy has no schema.
 """
 GOOD_RATE = 0.95
 TRAPS: dict[str, type[Task]] = {"toy-trap": TrapToy}
