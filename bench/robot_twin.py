@@ -1,13 +1,13 @@
 """Train on the twin as on robots and write the table: `python -m bench.robot_twin lateral-lifting heavy-bar`.
 
-Starts a twin in lock-step, `taskschema train --agent robot` and `taskschema-robot run`, all over real sockets
-and a real Redis, until 90 % success or `--rounds`. Resumable: what was done goes on. Results go to
-`results/robot-twin/`; the run's folder and the agent's log stay in `runs/robot-twin/`.
+Starts `taskschema train --agent robot` and `taskschema-robot run --twin own`, over real sockets and a real
+Redis, until 90 % success, `--rounds` or Ctrl-C. Resumable: the same command goes on with what was done, and
+`--report` alone writes what there is so far. Results go to `results/robot-twin/`; the run's folder and the
+agent's log stay in `runs/robot-twin/`.
 """
 
 import argparse
 import csv
-import json
 import os
 import signal
 import subprocess
@@ -36,9 +36,11 @@ def main() -> None:
     )
     parser.add_argument("--rounds", type=int, help="give up after so many rounds")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--report", action="store_true", help="train nothing: write what there is so far")
     arguments = parser.parse_args()
-    folder = RUNS / arguments.object
-    train(arguments, folder)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if not arguments.report:
+        train(arguments, RUNS / arguments.object)
     write_results()
 
 
@@ -46,31 +48,29 @@ def train(arguments: argparse.Namespace, folder: Path) -> None:
     """Run twin, learner and agent until the run is over."""
     RUNS.mkdir(parents=True, exist_ok=True)
     os.environ.setdefault("MUJOCO_GL", "egl")
-    robot = [sys.executable, "-c", "from taskschema_robot.cli.main import main; main()"]
-    twin_command = [*robot, "twin", "--object", arguments.object, "--lock-step", "--calibrated", "--json"]
-    ports = ["--left", "0", "--right", "0", "--control", "0"]
-    with subprocess.Popen([*twin_command, *ports], stdout=subprocess.PIPE, text=True) as twin:
-        learner = subprocess.Popen(_train_command(arguments, folder))
-        try:
-            assert twin.stdout is not None
-            control = json.loads(twin.stdout.readline())["control"]
-            _wait_for(folder / "redis" / "redis.conf", learner)
-            serve = [*robot, "run", str(folder), "--object", arguments.object, "--twin", control]
-            options = ["--see", "truth", "--speed-ratio", "1.0", "--rate", "50", "--unattended"]
-            while learner.poll() is None:  # the agent is started again should it end before the run does
-                _serve_until_over([*serve, *options, "--folder", str(RUNS / "agent")], learner)
-        finally:
-            for process in (learner, twin):
-                process.send_signal(signal.SIGTERM)
-                process.wait()
+    serve = [sys.executable, "-c", "from taskschema_robot.cli.main import main; main()", "run", str(folder)]
+    options = ["--object", arguments.object, "--twin", "own", "--see", "truth", "--speed-ratio", "1.0"]
+    options += ["--rate", "50", "--unattended", "--folder", str(RUNS / "agent")]
+    learner = subprocess.Popen(_train_command(arguments, folder))
+    try:
+        _wait_for(folder / "redis" / "redis.conf", learner)
+        while learner.poll() is None:  # the agent is started again should it end before the run does
+            _serve_until_over([*serve, *options], learner)
+    except KeyboardInterrupt:
+        print("Stopped; the same command goes on.")
+    finally:
+        learner.send_signal(signal.SIGTERM)
+        learner.wait()
 
 
 def _serve_until_over(command: list[str], learner: subprocess.Popen[bytes]) -> None:
     agent = subprocess.Popen(command)
-    while agent.poll() is None and learner.poll() is None:
-        time.sleep(1.0)
-    agent.send_signal(signal.SIGTERM)
-    agent.wait()
+    try:
+        while agent.poll() is None and learner.poll() is None:
+            time.sleep(1.0)
+    finally:
+        agent.send_signal(signal.SIGTERM)
+        agent.wait()
 
 
 def _train_command(arguments: argparse.Namespace, folder: Path) -> list[str]:

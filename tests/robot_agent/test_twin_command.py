@@ -38,7 +38,8 @@ def test_a_twin_serves_until_it_is_interrupted(twin):
     assert description.name == "water-bottle"
     assert not description.real_time
     clock = LockStepClock(client)
-    arm = RosbridgeArm("right", RosbridgeAddress(addresses["right"], FINGER_MOUNT, None), clock)
+    address = RosbridgeAddress(addresses["right"], FINGER_MOUNT, None)
+    arm = RosbridgeArm("right", address, clock, clock.input_output)
     clock.watch(lambda: arm.connection)
     arm.connect()
     result = run("fault", "press-emergency-stop", "--arm", "right", "--twin", addresses["control"])

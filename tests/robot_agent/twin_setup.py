@@ -53,9 +53,9 @@ class RunningTwin:
 def arm_of(running: RunningTwin, arm: int, clock: Clock) -> RosbridgeArm:
     """A driver, not connected yet."""
     pings = 0.5 if running.twin.options.real_time else None
-    driver = RosbridgeArm(
-        ("left", "right")[arm], RosbridgeAddress(running.url(arm), FINGER_MOUNT, pings), clock
-    )
+    io = clock.input_output if isinstance(clock, LockStepClock) else None
+    address = RosbridgeAddress(running.url(arm), FINGER_MOUNT, pings)
+    driver = RosbridgeArm(("left", "right")[arm], address, clock, io)
     if isinstance(clock, LockStepClock):
         clock.watch(lambda: driver.connection)
     return driver

@@ -7,9 +7,18 @@ from taskschema.kinematics.sawyer import rethink_gripper
 from taskschema.skills.pairs import ARMS
 from taskschema_robot.clock import Clock, RealClock
 from taskschema_robot.drivers.driver import ArmDriver
+from taskschema_robot.drivers.input_output import InputOutput, InputOutputInTurn
 from taskschema_robot.drivers.rosbridge import RosbridgeAddress, RosbridgeArm
+from taskschema_robot.objects.robot_object import RobotObject
 from taskschema_robot.twin.client import TwinClient
 from taskschema_robot.twin.lock_step import LockStepClock
+from taskschema_robot.twin.service import TwinService
+from taskschema_robot.twin.twin import TwinOptions
+
+JITTER = 0.005
+"""By how much a joint state may come early [s]: half of the time between two."""
+OWN_TWIN_SECONDS = 30.0
+"""How long a twin in this process may take to start or end."""
 
 
 @dataclass(frozen=True)
@@ -23,15 +32,48 @@ class Hardware:
     """The twin, if it is one."""
 
 
-def twin_hardware(stack: ExitStack, url: str) -> Hardware:
-    """Connect to a twin; in lock-step its clock is the agent's."""
+def distant_twin(stack: ExitStack, url: str) -> TwinClient:
+    """Connect to a twin that runs somewhere on this machine."""
     client = TwinClient(url)
     stack.callback(client.close)
+    return client
+
+
+def own_twin(stack: ExitStack, item: RobotObject) -> TwinClient:
+    """Start a twin in this process, in lock-step with calibrated grippers, and connect to it.
+
+    It is reached by the same sockets as any other, but nobody has to be woken up when the turn changes: that
+    is what training costs most on a busy machine.
+    """
+    io = InputOutputInTurn()
+    stack.callback(io.close)
+    service = TwinService(item, TwinOptions(real_time=False, calibrated=True))
+    io.run(service.start(), OWN_TWIN_SECONDS)
+    stack.callback(lambda: io.run(service.stop(), OWN_TWIN_SECONDS))
+    client = TwinClient(f"ws://127.0.0.1:{service.control.port}", io)
+    stack.callback(client.close)
+    return client
+
+
+def twin_hardware(stack: ExitStack, client: TwinClient, period: float | None = None) -> Hardware:
+    """Return a twin's arms; in lock-step its clock is the agent's.
+
+    Args:
+        stack: closes them.
+        client: of the twin.
+        period: of the set-points [s]: in lock-step, no more joint states are sent; None: all of them.
+
+    """
     description = client.describe()
     real_time = description.real_time
     clock: Clock = RealClock() if real_time else LockStepClock(client)
     urls = [f"ws://127.0.0.1:{port}" for port in description.ports]
-    drivers = [_arm(stack, name, url, clock, pings=real_time) for name, url in zip(ARMS, urls, strict=True)]
+    throttle = 0 if real_time or period is None else round(1e3 * (period - JITTER))
+    addresses = [
+        RosbridgeAddress(url, rethink_gripper().closed, 0.5 if real_time else None, throttle) for url in urls
+    ]
+    io = clock.input_output if isinstance(clock, LockStepClock) else None
+    drivers = [_arm(stack, name, address, clock, io) for name, address in zip(ARMS, addresses, strict=True)]
     if isinstance(clock, LockStepClock):
         for driver in drivers:
             clock.watch(lambda driver=driver: driver.connection)  # type: ignore[misc]
@@ -41,14 +83,14 @@ def twin_hardware(stack: ExitStack, url: str) -> Hardware:
 def robot_hardware(stack: ExitStack, left: str, right: str) -> Hardware:
     """Return drivers of two Sawyers behind their rosbridges."""
     clock = RealClock()
-    drivers = [
-        _arm(stack, name, url, clock, pings=True) for name, url in zip(ARMS, (left, right), strict=True)
-    ]
+    addresses = [RosbridgeAddress(url, rethink_gripper().closed) for url in (left, right)]
+    drivers = [_arm(stack, name, address, clock) for name, address in zip(ARMS, addresses, strict=True)]
     return Hardware((drivers[0], drivers[1]), clock)
 
 
-def _arm(stack: ExitStack, name: str, url: str, clock: Clock, *, pings: bool) -> RosbridgeArm:
-    address = RosbridgeAddress(url, rethink_gripper().closed, 0.5 if pings else None)
-    driver = RosbridgeArm(name, address, clock)
+def _arm(
+    stack: ExitStack, name: str, address: RosbridgeAddress, clock: Clock, io: InputOutput | None = None
+) -> RosbridgeArm:
+    driver = RosbridgeArm(name, address, clock, io)
     stack.callback(driver.close)
     return driver

@@ -29,7 +29,7 @@ def check(
     """
     from taskschema.errors import ConfigError
     from taskschema_robot.agent.first_day import FirstDay
-    from taskschema_robot.cli.arms import robot_hardware, twin_hardware
+    from taskschema_robot.cli.arms import distant_twin, robot_hardware, twin_hardware
     from taskschema_robot.errors import NotReadyError
     from taskschema_robot.safety.gate import SafetyGate
     from taskschema_robot.safety.limits import SafetyLimits
@@ -40,7 +40,7 @@ def check(
         raise ConfigError("Only a twin is checked without a person: leave --yes out.")
     with ExitStack() as stack:
         if twin is not None:
-            hardware = twin_hardware(stack, twin)
+            hardware = twin_hardware(stack, distant_twin(stack, twin))
         else:
             assert left is not None
             assert right is not None

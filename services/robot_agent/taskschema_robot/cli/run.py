@@ -22,7 +22,8 @@ def run(
         typer.Option(metavar="URL", envvar="TASKSCHEMA_REDIS_URL", help="The run's Redis, if not in RUN."),
     ] = None,
     twin: Annotated[
-        str | None, typer.Option(metavar="URL", help="A twin's control address, as `twin` prints it.")
+        str | None,
+        typer.Option(metavar="URL|own", help="A twin's control address; own: one in this process, fast."),
     ] = None,
     left: Annotated[str | None, typer.Option(metavar="URL", help="Left robot's rosbridge.")] = None,
     right: Annotated[str | None, typer.Option(metavar="URL", help="Right robot's rosbridge.")] = None,

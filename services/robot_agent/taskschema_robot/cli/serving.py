@@ -21,7 +21,7 @@ from taskschema_robot.agent.robot_agent import LEASE_SECONDS, RobotAgent
 from taskschema_robot.agent.stop_endpoint import StopEndpoint
 from taskschema_robot.agent.twin_world import TrueWorld
 from taskschema_robot.agent.world import World
-from taskschema_robot.cli.arms import Hardware, robot_hardware, twin_hardware
+from taskschema_robot.cli.arms import Hardware, distant_twin, own_twin, robot_hardware, twin_hardware
 from taskschema_robot.cli.eyes import open_eyes
 from taskschema_robot.cli.person import Person, person_at_terminal, unattended_person
 from taskschema_robot.objects.catalogue import get_object
@@ -33,6 +33,8 @@ from taskschema_robot.safety.limits import SafetyLimits
 from taskschema_robot.safety.monitors import CameraMonitor, LinkMonitor
 from taskschema_robot.safety.watchdog import Monitor
 
+OWN_TWIN = "own"
+"""In place of a twin's address: one in this process."""
 LINK_PATIENCE = 1.0
 """How long the watchdog's own connection to Redis tries again [s]."""
 
@@ -75,7 +77,7 @@ def serve(options: Serving, stop: threading.Event) -> None:
         task = task_of(records.config(run))
         if not isinstance(task, SceneTask) or task.family != item.family:
             raise ConfigError(f"Run {run!r} is about {task.family}, {item.name} is for {item.family}.")
-        hardware = _hardware(stack, options)
+        hardware = _hardware(stack, options, item, limits.period)
         link = LinkMonitor(RunRecords(connect(url, patience=LINK_PATIENCE)), run, limits.link_age)
         monitors: list[Monitor] = [stack.enter_context(link)]
         person = (
@@ -98,9 +100,11 @@ def serve(options: Serving, stop: threading.Event) -> None:
         RobotAgent(bus, records, run, task, runner, gate, person.operator, folder).run(stop)
 
 
-def _hardware(stack: ExitStack, options: Serving) -> Hardware:
+def _hardware(stack: ExitStack, options: Serving, item: RobotObject, period: float) -> Hardware:
     if options.twin is not None:
-        return twin_hardware(stack, options.twin)
+        own = options.twin == OWN_TWIN
+        twin = own_twin(stack, item) if own else distant_twin(stack, options.twin)
+        return twin_hardware(stack, twin, period)
     if options.left is None or options.right is None:
         raise ConfigError("Name both robots: --left URL and --right URL.")
     return robot_hardware(stack, options.left, options.right)

@@ -39,13 +39,15 @@ def twin(
     The agent drives it with the same driver as the robots. It listens on this machine's loopback interface
     only. Let things go wrong in it with `taskschema-robot fault`.
     """
+    import uvloop
+
     from taskschema_robot.objects.catalogue import get_object
     from taskschema_robot.twin.service import TwinService
     from taskschema_robot.twin.twin import TwinOptions
 
     options = TwinOptions(real_time=not lock_step, ports=(left, right), calibrated=calibrated)
     service = TwinService(get_object(object_name), options, control)
-    asyncio.run(_serve(service, as_json=json))
+    uvloop.run(_serve(service, as_json=json))
 
 
 async def _serve(service: "TwinService", *, as_json: bool) -> None:

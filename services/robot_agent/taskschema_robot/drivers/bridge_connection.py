@@ -4,8 +4,8 @@ import asyncio
 import itertools
 import logging
 import socket
-import threading
 import uuid
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -14,7 +14,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidURI
 from websockets.protocol import State
 
-from taskschema_robot.drivers.input_output import input_output
+from taskschema_robot.drivers.input_output import InputOutput
 from taskschema_robot.errors import NotConnectedError
 
 logger = logging.getLogger(__name__)
@@ -35,30 +35,37 @@ class BridgeConnection:
     """One websocket to one rosbridge.
 
     Motion commands must not be sent late. So nothing is queued here: what the network does not take at once
-    is an error, a connection that broke stays broken, and a new one starts with nothing.
+    is an error, a connection that broke stays broken, and a new one starts with nothing. In lock-step, where
+    the world stands still until somebody asks for time, frames wait for just that: see `flush`.
 
     Args:
         url: such as `ws://192.168.1.10:9090`.
         on_publish: gets what subscribed topics bring.
+        input_output: where it lives.
         ping_seconds: between pings, whose answers the bridge owes within twice that [s]; None: no pings, for
             a twin in lock-step.
 
     """
 
-    def __init__(self, url: str, on_publish: OnPublish, ping_seconds: float | None = 0.5) -> None:
+    def __init__(
+        self, url: str, on_publish: OnPublish, input_output: InputOutput, ping_seconds: float | None = 0.5
+    ) -> None:
         self.url = url
         self.path = f"/{uuid.uuid4().hex}"
         """Of its own: a genuine bridge ignores it, the twin tells its clients apart by it."""
         self._on_publish = on_publish
+        self._input_output = input_output
         self._ping_seconds = ping_seconds
         self._socket: ClientConnection | None = None
         self._calls: dict[str, asyncio.Future[Json]] = {}
         self._numbers = itertools.count()
         self._reader: asyncio.Task[None] | None = None
         self._sending: set[asyncio.Task[None]] = set()
-        self._awaited: tuple[int, threading.Event] | None = None
+        self._unsent: deque[str] = deque()
+        """In lock-step: frames that go before time passes."""
+        self._awaited: tuple[int, asyncio.Future[None]] | None = None
         self.frames_sent = 0
-        """Frames given to the network so far, or about to be."""
+        """Frames given to the network so far."""
         self.frames_received = 0
         """Frames taken in so far."""
 
@@ -69,7 +76,7 @@ class BridgeConnection:
             NotConnectedError: if nobody answers there in time.
         """
         try:
-            input_output().run(self._open(timeout), timeout + 1.0)
+            self._input_output.run(self._open(timeout), timeout + 1.0)
         except (OSError, TimeoutError, InvalidHandshake, InvalidURI) as error:
             raise NotConnectedError(
                 f"No rosbridge at {self.url} ({error or type(error).__name__}): check the address, the"
@@ -93,6 +100,10 @@ class BridgeConnection:
         self._reader = asyncio.create_task(self._read(self._socket))
 
     @property
+    def _lock_step(self) -> bool:
+        return self._ping_seconds is None
+
+    @property
     def is_open(self) -> bool:
         """Whether the connection stands and its last ping was answered."""
         return self._socket is not None and self._socket.state is State.OPEN
@@ -103,15 +114,12 @@ class BridgeConnection:
         Raises:
             NotConnectedError: if the connection is down, or the network does not take it at once.
         """
-        if self._ping_seconds is None and self._socket is not None and self.is_open:
-            # In lock-step the twin waits for every frame that was counted: no need to wait for the network.
-            input_output().loop.call_soon_threadsafe(
-                self._start_sending, self._socket, self._count(operation)
-            )
+        if self._lock_step and self.is_open:
+            self._unsent.append(msgspec.json.encode(operation).decode())
             return
         text = msgspec.json.encode(operation).decode()
         try:
-            input_output().run(self._send(text), SEND_SECONDS)
+            self._input_output.run(self._send(text), SEND_SECONDS)
         except ConnectionClosed as error:
             raise NotConnectedError(
                 f"The connection to {self.url} is down ({error}): connect again."
@@ -125,15 +133,13 @@ class BridgeConnection:
 
     def send_soon(self, operation: Json) -> None:
         """Send an operation from the input-output thread itself; if the connection is down, not at all."""
-        if self._socket is not None and self.is_open:
-            self._start_sending(self._socket, self._count(operation))
-
-    def _count(self, operation: Json) -> str:
-        self.frames_sent += 1
-        return msgspec.json.encode(operation).decode()
-
-    def _start_sending(self, connection: ClientConnection, text: str) -> None:
-        task = asyncio.get_running_loop().create_task(self._send_quietly(connection, text))
+        if self._socket is None or not self.is_open:
+            return
+        text = msgspec.json.encode(operation).decode()
+        if self._lock_step:
+            self._unsent.append(text)
+            return
+        task = asyncio.get_running_loop().create_task(self._send_quietly(text))
         self._sending.add(task)
         task.add_done_callback(self._sending.discard)
 
@@ -143,11 +149,16 @@ class BridgeConnection:
         self.frames_sent += 1
         await self._socket.send(text)
 
-    async def _send_quietly(self, connection: ClientConnection, text: str) -> None:
+    async def _send_quietly(self, text: str) -> None:
         try:
-            await connection.send(text)
+            await self._send(text)
         except ConnectionClosed:
             logger.info("not sent: the connection to %s is down", self.url)
+
+    async def flush(self) -> None:
+        """Send what has waited for the twin's time to pass; from within the loop, in lock-step."""
+        while self._unsent:
+            await self._send_quietly(self._unsent.popleft())
 
     def call(self, service: str, arguments: Json, timeout: float = 5.0) -> Json:
         """Call a service and return its answer's values.
@@ -156,7 +167,7 @@ class BridgeConnection:
             NotConnectedError: if the connection is down, the service fails, or there is no answer in time.
         """
         try:
-            answer = input_output().run(self._call(service, arguments), timeout)
+            answer = self._input_output.run(self._call(service, arguments), timeout)
         except (ConnectionClosed, TimeoutError) as error:
             reason = "no answer in time" if isinstance(error, TimeoutError) else str(error)
             raise NotConnectedError(f"Service {service} at {self.url}: {reason}.") from None
@@ -176,17 +187,20 @@ class BridgeConnection:
         finally:
             del self._calls[identifier]
 
-    def wait_received(self, count: int, timeout: float = 5.0) -> None:
-        """Wait until `count` frames have been received and handled, or the connection breaks.
+    async def received(self, count: int, timeout: float = 5.0) -> None:
+        """Wait until `count` frames have been taken in, or the connection breaks; in the input-output thread.
 
         Raises:
             NotConnectedError: if they do not come in time.
         """
-        arrived = threading.Event()
+        if self.frames_received >= count or not self.is_open:
+            return
+        arrived: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._awaited = (count, arrived)
-        if self.frames_received < count and self.is_open and not arrived.wait(timeout):
-            raise NotConnectedError(f"{self.url} has sent {count} frames; {self.frames_received} arrived.")
+        await asyncio.wait({arrived}, timeout=timeout)
         self._awaited = None
+        if self.frames_received < count and self.is_open:
+            raise NotConnectedError(f"{self.url} has sent {count} frames; {self.frames_received} arrived.")
 
     async def _read(self, connection: ClientConnection) -> None:
         try:
@@ -202,8 +216,10 @@ class BridgeConnection:
             self._tell_waiting(always=True)
 
     def _tell_waiting(self, *, always: bool = False) -> None:
-        if self._awaited is not None and (always or self.frames_received >= self._awaited[0]):
-            self._awaited[1].set()
+        if self._awaited is None or self._awaited[1].done():
+            return
+        if always or self.frames_received >= self._awaited[0]:
+            self._awaited[1].set_result(None)
 
     def _handle(self, frame: str | bytes) -> None:
         try:
@@ -222,14 +238,14 @@ class BridgeConnection:
         """End the connection without ceremony."""
         connection = self._socket
         if connection is not None:
-            input_output().loop.call_soon_threadsafe(connection.transport.abort)
+            self._input_output.loop.call_soon_threadsafe(connection.transport.abort)
 
     def close(self) -> None:
         """End the connection."""
         if self._socket is None:
             return
         try:
-            input_output().run(self._close(self._socket), 3.0)
+            self._input_output.run(self._close(self._socket), 3.0)
         except TimeoutError:
             self.abort()
 

@@ -13,6 +13,7 @@ from taskschema_robot.clock import Clock
 from taskschema_robot.drivers.bridge_connection import BridgeConnection
 from taskschema_robot.drivers.command_guard import CommandGuard, why_not_ready
 from taskschema_robot.drivers.driver import ArmState, GripperState
+from taskschema_robot.drivers.input_output import InputOutput, input_output
 from taskschema_robot.drivers.repeated_command import REPEAT_SECONDS, RepeatedCommand
 from taskschema_robot.drivers.sawyer_messages import (
     JointReading,
@@ -32,17 +33,16 @@ EFFECT_SECONDS = 5.0
 """How long a switch may take to show its effect [s], as in the vendor's SDK."""
 CALIBRATION_SECONDS = 15.0
 POLL_SECONDS = 0.02
-ENDPOINT_MILLISECONDS = 20
-"""Between two end-point states [ms]: 50 Hz suffice for the wrench."""
+ENDPOINT_MILLISECONDS = 15
+"""Least time between two end-point states [ms]: every second one of 100 a second suffices for the wrench."""
 
-SUBSCRIPTIONS = {
-    interface.JOINT_STATES: 0,
-    interface.ENDPOINT_STATE: ENDPOINT_MILLISECONDS,
-    interface.COLLISION_STATE: 0,
-    interface.ROBOT_STATE: 0,
-    interface.GRIPPER_STATE: 0,
-}
-"""Topics, and the least time between two of their messages [ms]."""
+SUBSCRIPTIONS = (
+    interface.JOINT_STATES,
+    interface.ENDPOINT_STATE,
+    interface.COLLISION_STATE,
+    interface.ROBOT_STATE,
+    interface.GRIPPER_STATE,
+)
 ADVERTISEMENTS = (
     interface.JOINT_COMMAND,
     interface.SPEED_RATIO,
@@ -63,6 +63,8 @@ class RosbridgeAddress:
     """Opening between the pads with the gripper fully closed [m]: as its fingers are screwed on."""
     ping_seconds: float | None = 0.5
     """Between pings [s]; None: no pings, for a twin in lock-step."""
+    state_milliseconds: int = 0
+    """Least time between two joint states [ms]; 0: all. A twin in lock-step sends no more than are read."""
 
 
 class RosbridgeArm:
@@ -70,12 +72,22 @@ class RosbridgeArm:
 
     Errors of what is published never reach a rosbridge client, so every command is confirmed by its effect on
     the robot's state.
+
+    Args:
+        name: `left` or `right`.
+        address: of its bridge.
+        clock: of the agent.
+        io: where its connection lives; None: the process' own thread. A twin's clock in lock-step has one.
+
     """
 
-    def __init__(self, name: str, address: RosbridgeAddress, clock: Clock) -> None:
+    def __init__(
+        self, name: str, address: RosbridgeAddress, clock: Clock, io: InputOutput | None = None
+    ) -> None:
         self.name = name
         self._address = address
         self._clock = clock
+        self._input_output = io or input_output()
         self._guard = CommandGuard(name, sawyer(), clock)
         self._connection: BridgeConnection | None = None
         self._forget()
@@ -106,7 +118,9 @@ class RosbridgeArm:
         """Connect, from nothing: neither commands nor states of an earlier connection survive."""
         self.close()
         self._forget()
-        connection = BridgeConnection(self._address.url, self._on_publish, self._address.ping_seconds)
+        connection = BridgeConnection(
+            self._address.url, self._on_publish, self._input_output, self._address.ping_seconds
+        )
         connection.open()
         self._connection = connection
         for topic in ADVERTISEMENTS:
@@ -114,10 +128,14 @@ class RosbridgeArm:
             queue = 1 if topic == interface.JOINT_COMMAND else 10
             operation: Json = {"op": "advertise", "topic": topic, "type": interface.TYPES[topic]}
             connection.send(operation | {"latch": latch, "queue_size": queue})
-        for topic, throttle in SUBSCRIPTIONS.items():
+        throttles = {
+            interface.JOINT_STATES: self._address.state_milliseconds,
+            interface.ENDPOINT_STATE: ENDPOINT_MILLISECONDS,
+        }
+        for topic in SUBSCRIPTIONS:
             # Without a queue length, a client that reads slowly holds up everybody else's topics too.
             operation = {"op": "subscribe", "topic": topic, "type": interface.TYPES[topic]}
-            connection.send(operation | {"throttle_rate": throttle, "queue_length": 1})
+            connection.send(operation | {"throttle_rate": throttles.get(topic, 0), "queue_length": 1})
         start = self._clock.now()
         self._wait_for(self._complete, EFFECT_SECONDS)
         if not self._complete():

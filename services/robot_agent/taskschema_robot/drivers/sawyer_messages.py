@@ -54,7 +54,7 @@ def read_time(stamp: Json) -> float:
 
 
 def _finite(values: list[Any]) -> FloatArray:
-    if any(value is None for value in values):
+    if None in values:
         raise ValueError("a number is not finite")
     return np.array(values, dtype=np.float64)
 

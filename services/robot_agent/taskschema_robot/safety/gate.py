@@ -203,7 +203,7 @@ class SafetyGate:
         while True:
             self._clock.sleep_until(self._clock.now() + motion.period)
             states = self._watch(recent)
-            error = np.abs(np.stack([state.positions for state in states]) - goal)
+            error = np.abs(np.array([state.positions for state in states]) - goal)
             waiting = self._waiting_gripper(states)
             if error.max() <= self._limits.arrival_tolerance and waiting is None:
                 return
@@ -233,7 +233,7 @@ class SafetyGate:
         fault = (
             self._disconnected(now)
             or watch_states(states, now, self._watched)
-            or watch_tracking(states, np.stack(recent, axis=1), now, self._limits)
+            or watch_tracking(states, np.array(recent).swapaxes(0, 1), now, self._limits)
             or watch_monitors(self._monitors, now)
         )
         if fault is not None:

@@ -1,5 +1,6 @@
 """The checks during a motion: pure functions of the arms' states, and monitors of everything else."""
 
+import math
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -38,8 +39,8 @@ def watch_states(states: Sequence[ArmState], now: float, limits: SafetyLimits) -
 
 def _wrong(state: ArmState, now: float, limits: SafetyLimits) -> tuple[FaultKind, str] | None:
     age = now - state.time
-    force, torque = (float(np.sqrt((part * part).sum())) for part in (state.wrench[:3], state.wrench[3:]))
-    finite = all(np.isfinite(values).all() for values in (state.positions, state.velocities, state.wrench))
+    force, torque = (math.hypot(*part) for part in (state.wrench[:3].tolist(), state.wrench[3:].tolist()))
+    finite = np.isfinite(np.concatenate([state.positions, state.velocities, state.wrench])).all()
     if state.emergency_stop:
         return FaultKind.EMERGENCY_STOP, "its emergency stop is pressed"
     if state.collision:
@@ -71,7 +72,7 @@ def watch_tracking(
 ) -> Fault | None:
     """Return which joint is not on its way along the recent set-points [2, R, 7], if one is not."""
     low, high = recent.min(axis=1), recent.max(axis=1)
-    measured = np.stack([state.positions for state in states])
+    measured = np.array([state.positions for state in states])
     error = np.maximum(low - measured, measured - high)
     if error.max() <= limits.tracking_error:
         return None

@@ -102,6 +102,7 @@ class ControlServer:
             for path, link in robot.server.links.items():
                 if path in request.sent:
                     accepted[path] = link.outbox.accepted
+        await asyncio.sleep(0)  # the frames go first, or their reader wakes up once for each
         exposure = twin.expose()
         return messages.Advanced(twin.now(), accepted, exposure.time, exposure.number)
 

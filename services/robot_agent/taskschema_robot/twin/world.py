@@ -32,6 +32,7 @@ class WorldArm:
         name = ARMS[arm]
         self.kinematics = sawyer_pair()[arm]
         self.mount = mount
+        self._closed = rethink_gripper().closed
         joints = [model.joint(f"{name}_{joint}") for joint in JOINT_NAMES]
         fingers = [model.joint(f"{name}_{side}_finger_joint") for side in "lr"]
         self.positions = np.array([joint.qposadr[0] for joint in joints])
@@ -53,8 +54,8 @@ class WorldArm:
 
     def travel(self, positions: AnyArray) -> float:
         """Return the fingers' travel from fully closed [m]."""
-        left, right = positions[self.fingers]
-        opening = rethink_gripper().closed + (left - right) - 2.0 * self.finger_range[0]
+        left, right = positions[self.fingers].tolist()
+        opening = self._closed + (left - right) - 2.0 * self.finger_range[0]
         return float(min(max(opening - self.mount, 0.0), GRIPPER_STROKE))
 
 
@@ -131,19 +132,16 @@ class World:
     def measure(self, arm: int) -> ArmMeasurement:
         """Return what one robot's sensors say."""
         place, data = self.arms[arm], self.data
-        base = place.kinematics
-        tool = np.array(data.site_xpos[place.grip])
-        rotation = base.base_rotation.T @ data.site_xmat[place.grip].reshape(3, 3)
-        quaternion = np.empty(4)
-        mujoco.mju_mat2Quat(quaternion, rotation.ravel())
-        wrench, contact = self._contacts(place, tool)
+        tool = data.site_xpos[place.grip].copy()
+        push, contact = self._contacts(place, tool)
         return ArmMeasurement(
-            positions=np.array(data.qpos[place.positions]),
-            velocities=np.array(data.qvel[place.dofs]),
-            efforts=np.array(data.qfrc_actuator[place.dofs]),
-            tool_position=base.base_rotation.T @ (tool - base.base_position),
-            tool_quaternion=quaternion,
-            wrench=(wrench.reshape(2, 3) @ base.base_rotation).ravel(),
+            arm=place.kinematics,
+            positions=data.qpos[place.positions],
+            velocities=data.qvel[place.dofs],
+            efforts=data.qfrc_actuator[place.dofs],
+            tool=tool,
+            tool_frame=data.site_xmat[place.grip].copy(),
+            push=push,
             finger_travel=place.travel(data.qpos),
             finger_force=float(abs(data.actuator_force[place.finger_controls[0]])),
             contact_force=contact,
@@ -151,12 +149,16 @@ class World:
 
     def _contacts(self, place: WorldArm, tool: FloatArray) -> tuple[FloatArray, float]:
         """Return the wrench [6] on the hand about the tool, in the world, and the largest collision force."""
-        wrench, largest, force = np.zeros(6), 0.0, np.zeros(6)
+        wrench, largest = np.zeros(6), 0.0
         if not self.data.ncon:
             return wrench, largest
         pairs = self.data.contact.geom
         of_arm = place.links[pairs]
-        for index in np.flatnonzero(of_arm[:, 0] != of_arm[:, 1]):
+        touching = of_arm[:, 0] != of_arm[:, 1]
+        if not touching.any():
+            return wrench, largest
+        force = np.zeros(6)
+        for index in np.flatnonzero(touching):
             mujoco.mj_contactForce(self.model, self.data, int(index), force)
             mine, other = pairs[index] if of_arm[index, 0] else pairs[index, ::-1]
             if not self._object_geoms[other]:

@@ -5,11 +5,11 @@ from collections.abc import Callable
 
 import msgspec
 
-from taskschema_robot.twin.ros.graph import RosGraph, Topic
+from taskschema_robot.twin.ros.graph import LazyMessage, RosGraph, Topic
+from taskschema_robot.twin.ros.made_once import MadeOnce
 from taskschema_robot.twin.ros.message import Message, MessageError, require_type
 from taskschema_robot.twin.ros.publisher import UNREGISTER_SECONDS, Publisher
-from taskschema_robot.twin.ros.serialisation import to_json
-from taskschema_robot.twin.ros.subscription import Subscription
+from taskschema_robot.twin.ros.subscription import Frame, Subscription
 
 logger = logging.getLogger(__name__)
 
@@ -27,10 +27,14 @@ class TopicStream:
         """When its connection to the publisher stands [s]."""
         self.clients: dict[int, Subscription] = {}
 
-    def frame(self, message: Message) -> str:
-        """Return the frame that carries a message."""
-        content = to_json(self.topic.type_name, message)
-        return msgspec.json.encode({"op": "publish", "topic": self.name, "msg": content}).decode()
+    def frame(self, message: LazyMessage) -> Frame:
+        """Return the frame that carries a message: numbers that are not finite as null, bytes as base64."""
+        operation = {"op": "publish", "topic": self.name}
+        return MadeOnce(lambda: msgspec.json.encode(operation | {"msg": message()}).decode())
+
+    def latched_frame(self, message: Message) -> Frame:
+        """Return the frame that carries what the topic keeps for late subscribers."""
+        return self.frame(lambda: message)
 
 
 class Bridge:
@@ -173,7 +177,7 @@ class Bridge:
         if not publisher.clients and publisher.expires_at == float("inf"):
             publisher.expires_at = self.now() + UNREGISTER_SECONDS
 
-    def _offer(self, stream: TopicStream, message: Message) -> None:
+    def _offer(self, stream: TopicStream, message: LazyMessage) -> None:
         if not stream.clients or self.now() < stream.ready_at:
             return
         subscriptions = list(stream.clients.values())
@@ -191,4 +195,4 @@ class Bridge:
             stream = self._streams[name]
             latched = stream.topic.latched
             if latched is not None and client in stream.clients:
-                stream.clients[client].offer(stream.frame(latched), now)
+                stream.clients[client].offer(stream.latched_frame(latched), now)

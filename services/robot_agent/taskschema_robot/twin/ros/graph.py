@@ -3,9 +3,12 @@
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 
+from taskschema_robot.twin.ros.made_once import MadeOnce
 from taskschema_robot.twin.ros.message import Message
 
 Listener = Callable[[Message], None]
+LazyMessage = Callable[[], Message]
+"""Makes a message when it is first wanted: most of what a robot publishes is read by nobody."""
 Handler = Callable[[Message], Awaitable[Message]]
 
 
@@ -30,9 +33,16 @@ class Topic:
         self.type_name = type_name
         self.latched: Message | None = None
         """Published last by a latching node or client; late subscribers get it."""
-        self.listeners: list[Listener] = []
+        self.listeners: list[Callable[[LazyMessage], None]] = []
         self.nodes: list[Listener] = []
         """The robot's own subscribers; `listeners` are the bridge's."""
+
+    def deliver(self, message: Message) -> None:
+        """Give a message to everybody who listens."""
+        for node in self.nodes:
+            node(message)
+        for listener in self.listeners:
+            listener(lambda: message)
 
 
 class RosGraph:
@@ -56,14 +66,26 @@ class RosGraph:
 
     def publish(self, name: str, message: Message) -> None:
         """Publish from a node of the robot; a header's sequence number is counted here."""
-        topic = self.topics[name]
         if "header" in message:
-            self._sequence[name] = self._sequence.get(name, 0) + 1
-            message["header"]["seq"] = self._sequence[name]
+            message["header"]["seq"] = self._next_sequence(name)
+        topic = self.topics[name]
         if name in self._latching:
             topic.latched = message
-        for listener in (*topic.nodes, *topic.listeners):
-            listener(message)
+        topic.deliver(message)
+
+    def publish_lazily(self, name: str, make: Callable[[int], Message]) -> None:
+        """Publish on a topic that does not latch; `make` gets the header's number, if anybody wants it."""
+        topic, sequence = self.topics[name], self._next_sequence(name)
+        if topic.nodes:
+            topic.deliver(make(sequence))
+        elif topic.listeners:
+            message = MadeOnce(lambda: make(sequence))
+            for listener in topic.listeners:
+                listener(message)
+
+    def _next_sequence(self, name: str) -> int:
+        self._sequence[name] = self._sequence.get(name, 0) + 1
+        return self._sequence[name]
 
     def subscribe(self, name: str, type_name: str, node: Listener) -> None:
         """Let a node of the robot receive what is published on a topic."""

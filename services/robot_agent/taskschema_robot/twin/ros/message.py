@@ -138,6 +138,8 @@ def _read_array(root: str, field: Field, path: tuple[str, ...], value: Any, now:
         return _from_base64(value)
     if not isinstance(value, list):
         raise _mismatch(root, field.type_name, path, value)
+    if field.kind in FLOATS and all(type(item) is float for item in value):
+        return value
     items = [_read_value(root, field.kind, path, item, _single_default(field.kind), now) for item in value]
     return bytes(items) if field.kind == BYTES and all(0 <= item < 256 for item in items) else items
 

@@ -62,5 +62,4 @@ class Publisher:
             self.topic.latched = None
 
     def _deliver(self, message: Message) -> None:
-        for listener in (*self.topic.nodes, *self.topic.listeners):
-            listener(message)
+        self.topic.deliver(message)

@@ -1,14 +1,11 @@
-"""What ROS can put on its own wire, and how its values reach rosbridge's clients as JSON."""
+"""What ROS can put on its own wire."""
 
-import base64
-import math
 import struct
 from typing import Any
 
 from taskschema_robot.twin.ros.message import (
     BYTES,
     DEFAULTS,
-    FLOATS,
     INTEGERS,
     TIMES,
     Field,
@@ -39,7 +36,7 @@ def _serialise_field(field: Field, value: Any) -> Any:  # noqa: ANN401
         raise MessageError(f"a bytes object is required when writing {value!r}")
     if field.length is not None and len(value) != field.length:
         raise MessageError(f"expected {field.length} items for packing (got {len(value)})")
-    if isinstance(value, bytes):
+    if isinstance(value, bytes) or field.kind == "float64":
         return value
     return [_serialise_value(f"{field.name}[]", field.kind, item) for item in value]
 
@@ -81,27 +78,6 @@ def _serialise_time(kind: str, value: Message) -> Message:
     if kind == "time" and (seconds < 0 or nanoseconds < 0):
         raise MessageError("argument out of range")
     return {"secs": seconds, "nsecs": nanoseconds}
-
-
-def to_json(type_name: str, message: Message) -> Message:
-    """Return the message as rosbridge's clients see it: uint8[] as base64; NaN and infinities as None."""
-    return {field.name: _field_to_json(field, message[field.name]) for field in fields_of(type_name)}
-
-
-def _field_to_json(field: Field, value: Any) -> Any:  # noqa: ANN401
-    if isinstance(value, bytes):
-        return base64.b64encode(value).decode()
-    if field.array:
-        return [_value_to_json(field.kind, item) for item in value]
-    return _value_to_json(field.kind, value)
-
-
-def _value_to_json(kind: str, value: Any) -> Any:  # noqa: ANN401
-    if kind in FLOATS:
-        return value if math.isfinite(value) else None
-    if kind in DEFAULTS or kind in INTEGERS or kind in TIMES:
-        return value
-    return to_json(kind, value)
 
 
 def ros_time(seconds: float) -> Message:

@@ -11,7 +11,7 @@ from taskschema_robot.twin.ros.bridge import Bridge
 from taskschema_robot.twin.ros.graph import ServiceError
 from taskschema_robot.twin.ros.incoming import DeafenedError, FrameBuffer
 from taskschema_robot.twin.ros.message import Message, MessageError, fields_of, read_message
-from taskschema_robot.twin.ros.serialisation import ros_time, serialise, to_json
+from taskschema_robot.twin.ros.serialisation import ros_time, serialise
 from taskschema_robot.twin.ros.subscription import Send, Settings, Subscription
 
 Json = dict[str, Any]
@@ -180,7 +180,7 @@ class BridgeSession:
         if compression in MISSING_COMPRESSIONS:
             self._bridge.log("WARN", f"This twin does not offer {compression}: frames are plain.")
         subscription = self._subscriptions.setdefault(topic, Subscription(self.send_frame, self._congested))
-        subscription.ids[message.get("id")] = Settings(throttle, queue_length, compression == "png")
+        subscription.ask(message.get("id"), Settings(throttle, queue_length, compression == "png"))
         try:
             self._bridge.subscribe(self.number, topic, message.get("type"), subscription)
         except MessageError:
@@ -194,7 +194,7 @@ class BridgeSession:
         if subscription is None:
             return
         if "id" in message:
-            subscription.ids.pop(message["id"], None)
+            subscription.withdraw(message["id"])
         else:
             subscription.ids.clear()
         if not subscription.ids:
@@ -243,7 +243,7 @@ class BridgeSession:
         except ServiceError as failure:
             text = f"service [{name}] responded with an error: b'{failure}'"
             raise ServiceError(text) from None
-        return to_json(service.response_type, response)
+        return response
 
 
 def _field(message: Json, name: str, kind: type, default: Any = None) -> Any:  # noqa: ANN401

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 
 from taskschema_robot.twin.ros.png import png_frame
 
+Frame = Callable[[], str]
+"""Makes a frame's text when it is sent."""
 Send = Callable[[str, int], None]
 """Takes a frame's text and how many of the kind may wait for a slow reader, 0: all."""
 
@@ -30,25 +32,36 @@ class Subscription:
     """Whether the client reads so slowly that frames pile up."""
     ids: dict[str | None, Settings] = field(default_factory=dict)
     last_sent: float = float("-inf")
-    waiting: deque[str] = field(default_factory=deque)
+    waiting: deque[Frame] = field(default_factory=deque)
     """Frames held back by the throttle, oldest first."""
 
-    @property
-    def throttle(self) -> float:
-        """Least time between two messages [s]."""
-        return min((settings.throttle for settings in self.ids.values()), default=0.0)
+    def __post_init__(self) -> None:
+        """Start with nothing asked for."""
+        self._settle()
 
-    @property
-    def queue_length(self) -> int:
+    def ask(self, identifier: str | None, settings: Settings) -> None:
+        """Take what a client asks for under an id."""
+        self.ids[identifier] = settings
+        self._settle()
+
+    def withdraw(self, identifier: str | None) -> None:
+        """Forget what was asked for under an id."""
+        self.ids.pop(identifier, None)
+        self._settle()
+
+    def _settle(self) -> None:
+        settings = self.ids.values()
+        self.throttle = min((one.throttle for one in settings), default=0.0)
+        """Least time between two messages [s]."""
+        self.queue_length = min((one.queue_length for one in settings), default=0)
         """How many frames wait at most; 0: those within the throttle are dropped."""
-        return min((settings.queue_length for settings in self.ids.values()), default=0)
 
     @property
     def blocking(self) -> bool:
         """Whether the publisher has to wait for this client: it reads slowly and asked for no queue."""
         return self.queue_length == 0 and self.congested()
 
-    def offer(self, frame: str, now: float) -> None:
+    def offer(self, frame: Frame, now: float) -> None:
         """Send, hold back or drop a frame."""
         length = self.queue_length
         if self.throttle <= 0.0:
@@ -67,7 +80,7 @@ class Subscription:
         if self.waiting and now - self.last_sent >= self.throttle:
             self._send(self.waiting.popleft(), now)
 
-    def _send(self, frame: str, now: float) -> None:
+    def _send(self, frame: Frame, now: float) -> None:
         self.last_sent = now
         png = any(settings.png for settings in self.ids.values())
-        self.send(png_frame(frame) if png else frame, self.queue_length)
+        self.send(png_frame(frame()) if png else frame(), self.queue_length)

@@ -61,11 +61,11 @@ class JointControl:
 
     def advance(self, seconds: float, now: float) -> None:
         """Move the reference on by one step."""
-        limit, acceleration = self._arm.velocity, self._arm.acceleration
+        acceleration = self._arm.acceleration
         if self._wanted is not None and now - self._commanded_at > self.timeout:
             self.halt()
         if self._wanted is not None:
-            wanted = np.clip(self._wanted, -limit, limit)
+            wanted = np.clip(self._wanted, -self._arm.velocity, self._arm.velocity)
         else:
             error = self.goal - self.reference
             distance = np.abs(error)
@@ -74,9 +74,9 @@ class JointControl:
             # Slow down so that the goal is reached at rest; half a step less, because steps are finite.
             brake = acceleration * seconds
             speed = np.sqrt(0.25 * brake**2 + 2.0 * acceleration * distance) - 0.5 * brake
-            speed = np.minimum(np.minimum(speed, self.speed_ratio * limit), distance / seconds)
-            wanted = np.sign(error) * speed
-        change = np.clip(wanted - self.velocity, -acceleration * seconds, acceleration * seconds)
-        self.velocity = self.velocity + change
+            speed = np.minimum(np.minimum(speed, self.speed_ratio * self._arm.velocity), distance / seconds)
+            wanted = np.copysign(speed, error)
+        most = acceleration * seconds
+        self.velocity = self.velocity + np.minimum(np.maximum(wanted - self.velocity, -most), most)
         reference = self.reference + self.velocity * seconds
-        self.reference = np.clip(reference, self._arm.lower, self._arm.upper)
+        self.reference = np.minimum(np.maximum(reference, self._arm.lower), self._arm.upper)

@@ -1,10 +1,10 @@
 """The robot's ROS node: topics in, topics out."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
+from taskschema.arrays import FloatArray
 from taskschema_robot import sawyer_interface as interface
 from taskschema_robot.twin.ros.graph import RosGraph
 from taskschema_robot.twin.ros.message import Message
@@ -102,8 +102,13 @@ class SawyerNode:
         """Publish what is due; call at 100 Hz."""
         now = self._now()
         if not self.frozen:
-            self._graph.publish(interface.JOINT_STATES, self._joint_states(measured))
-            self._graph.publish(interface.ENDPOINT_STATE, _endpoint_state(measured, _header(self._stamp())))
+            stamp = self._stamp()
+            self._graph.publish_lazily(
+                interface.JOINT_STATES, lambda number: _joint_states(measured, _header(stamp, number))
+            )
+            self._graph.publish_lazily(
+                interface.ENDPOINT_STATE, lambda number: _endpoint_state(measured, _header(stamp, number))
+            )
         state = self.assembly.message()
         slow = now >= self._next_state
         if slow:
@@ -119,19 +124,6 @@ class SawyerNode:
             self._gripper_changed = False
             self._next_gripper = now + (MOVING_GRIPPER_PERIOD if self.gripper.moving else GRIPPER_PERIOD)
             self._graph.publish(interface.GRIPPER_STATE, self.gripper.state(self._stamp()))
-
-    def _joint_states(self, measured: ArmMeasurement) -> Message:
-        def row(values: Any) -> list[float]:  # noqa: ANN401
-            return [0.0, *values.tolist(), 0.0]
-
-        head, torso = OTHER_JOINTS
-        return {
-            "header": _header(self._stamp()),
-            "name": [head, *interface.JOINT_NAMES, torso],
-            "position": row(measured.positions),
-            "velocity": row(measured.velocities),
-            "effort": row(measured.efforts),
-        }
 
     def _joint_command(self, message: Message) -> None:
         """Take a command; incomplete or not finite, or while the robot is not able, it does nothing."""
@@ -162,8 +154,22 @@ class SawyerNode:
             self.control.timeout = min(max(message["data"], 0.0), 1.0)
 
 
-def _header(stamp: float) -> Message:
-    return {"seq": 0, "stamp": ros_time(stamp), "frame_id": ""}
+def _header(stamp: float, number: int = 0) -> Message:
+    return {"seq": number, "stamp": ros_time(stamp), "frame_id": ""}
+
+
+def _joint_states(measured: ArmMeasurement, header: Message) -> Message:
+    def row(values: FloatArray) -> list[float]:
+        return [0.0, *values.tolist(), 0.0]
+
+    head, torso = OTHER_JOINTS
+    return {
+        "header": header,
+        "name": [head, *interface.JOINT_NAMES, torso],
+        "position": row(measured.positions),
+        "velocity": row(measured.velocities),
+        "effort": row(measured.efforts),
+    }
 
 
 def _endpoint_state(measured: ArmMeasurement, header: Message) -> Message:
