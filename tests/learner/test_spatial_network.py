@@ -16,7 +16,8 @@ from taskschema.trajectory import Trajectory
 from taskschema_learner.batch import collate
 from taskschema_learner.learner import Learner
 from taskschema_learner.optimiser import Optimiser
-from taskschema_learner.spatial_network import SpatialEvaluation, SpatialNetwork
+from taskschema_learner.parallel_parts import ParallelParts
+from taskschema_learner.spatial_network import FRAMES_AT_ONCE, SpatialEvaluation, SpatialNetwork
 
 LAYOUT = SpatialLayout(TOY.image_pairs)
 
@@ -47,9 +48,9 @@ def test_numpy_and_torch_compute_the_same(trunk, count):
 )
 def test_the_maps_have_the_papers_shapes(trunk, channels):
     network = torch_network(trunk)
-    features = network._features(torch.from_numpy(toy_frames(1)))
+    features = network._features(torch.from_numpy(toy_frames(1)), network._named())
     assert features.shape == (1, channels, 16, 16)
-    squeezed, maps = network._maps_of(network.inputs(toy_frames(1)))
+    squeezed, maps = network._maps_of(network.flat, network.inputs(toy_frames(1)))
     assert squeezed.shape == (1, 16, 8, 8)
     assert maps.shape == (1, 2 + 4 + 2 * 1, 8, 8)
 
@@ -173,6 +174,29 @@ def test_an_update_makes_what_succeeded_more_probable_and_is_a_function_of_its_i
         results.append(learner.snapshot().sha256)
         assert learner.snapshot().sha256 != snapshot.sha256
     assert results[0] == results[1]
+
+
+@pytest.mark.parametrize("trunk", ["small", "vgg16"])
+def test_results_and_gradients_are_the_same_to_the_bit_on_any_number_of_threads(trunk, cheap_vgg):
+    frames, found = toy_frames(19), []  # two full parts and a rest
+    for threads in (1, 2, 3):
+        network = torch_network(trunk)
+        network._parts = ParallelParts(network._maps_of, FRAMES_AT_ONCE, threads)
+        seen = network(network.inputs(frames))
+        loss = seen.response.square().mean() + seen.mean.square().mean() + seen.value.square().mean()
+        (gradient,) = torch.autograd.grad(loss, network.flat)
+        found.append((float(loss.detach()), gradient.numpy().tobytes()))
+    assert found[1:] == found[:1] * 2
+
+
+def test_the_parts_gradients_add_up_to_the_wholes():
+    network, frames = torch_network("small"), torch.from_numpy(toy_frames(11))
+    gradients = []
+    for squeezed, maps in (network._parts(network.flat, frames), network._maps_of(network.flat, frames)):
+        loss = (squeezed.sum(dim=(2, 3)) * maps[:, :1].mean()).square().mean() + maps.square().mean()
+        gradients.append(torch.autograd.grad(loss, network.flat)[0])
+    assert gradients[0].abs().max() > 0.1
+    assert torch.allclose(gradients[0], gradients[1], rtol=1e-3, atol=1e-3 * float(gradients[1].abs().max()))
 
 
 def test_a_checkpoint_restores_a_learner_on_images():

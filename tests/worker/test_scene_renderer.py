@@ -3,19 +3,23 @@
 import subprocess
 import sys
 
+import mujoco
 import numpy as np
 import pytest
 from rendering_setup import needs_renderer
 
 from taskschema.errors import RenderingError
 from taskschema.frames import FRAME_SIZE
+from taskschema.randomness import EpisodeKey, Purpose, generator
 from taskschema.tasks.lateral_lifting import LateralLifting
+from taskschema.tasks.registry import get_task
 from taskschema.tasks.scene_task import ObjectInstance
 from taskschema.visual_scene import OVERHEAD_HEIGHT, OVERHEAD_VIEW
 from taskschema_worker.rendering import backend
 from taskschema_worker.rendering.scene_renderer import SceneRenderer
 
 pytestmark = needs_renderer
+SCENE_TASKS = ("lateral-lifting", "picking", "opening", "rotating")
 ALONG_X, ALONG_Y = (1.0, 0.0, 0.0, 0.0), (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))
 
 
@@ -114,3 +118,25 @@ def test_a_machine_without_a_renderer_is_told_what_to_install(monkeypatch):
         SceneRenderer(LateralLifting(), 32, 32)
     monkeypatch.undo()
     backend.working_backend.cache_clear()
+
+
+@pytest.mark.parametrize("camera", ["overhead", "close"])
+@pytest.mark.parametrize("name", SCENE_TASKS)
+def test_what_is_not_drawn_is_not_seen(name, camera):
+    task, rng = get_task(name), np.random.default_rng(0)
+    with SceneRenderer(task, 128, 128, camera) as renderer:
+        seen, hidden = renderer._seen, 0
+        for index in range(6):
+            positions = renderer.home_positions.copy()
+            positions[[0, 1, 3, 9, 10, 12]] += rng.uniform(-0.6, 0.6, 6)
+            instance = task.draw_instance(generator(EpisodeKey(0, 0, 0, index), Purpose.RESET))
+            positions[-len(instance.pose) :] = instance.pose
+            renderer.set_object(instance)
+            renderer._seen = seen
+            quick = renderer.render(positions)
+            hidden += (renderer._instance.geom_group != renderer._model.geom_group).sum()
+            renderer._seen = None
+            renderer._instance.geom_group[:] = renderer._model.geom_group
+            renderer._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = True
+            assert np.array_equal(quick, renderer.render(positions))
+    assert hidden > 0

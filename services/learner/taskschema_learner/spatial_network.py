@@ -13,8 +13,8 @@ from taskschema.config import ImageConfig
 from taskschema.policies.network import LOG_STD_RANGE
 from taskschema.policies.spatial_layout import CELL, CELLS, OFFSET_X, SpatialLayout
 from taskschema.policies.spatial_trunk import (
-    IMAGENET_MEAN,
-    IMAGENET_STD,
+    PIXEL_SCALE,
+    PIXEL_SHIFT,
     SQUEEZED,
     TRUNKS,
     Convolution,
@@ -27,9 +27,11 @@ from taskschema.tasks.task import Task
 from taskschema_learner.action_terms import ActionTerms
 from taskschema_learner.bounds import bounded
 from taskschema_learner.losses import argument_terms
+from taskschema_learner.networks import bounded
+from taskschema_learner.parallel_parts import ParallelParts
 
-FRAMES_AT_ONCE = 32
-"""Frames that pass the trunk together; it bounds memory."""
+FRAMES_AT_ONCE = 8
+"""Frames that pass the network together; it bounds memory, and more of them are slower."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,11 @@ class SpatialNetwork:
             for name, shape in (layer_shapes(self._trunk) if self._frozen else {}).items()
         }
         rows, columns = table_sampling(task.table, task.table_view)
-        self._rows, self._columns = (torch.from_numpy(item).to(device) for item in (rows, columns))
+        self._rows, self._columns, self._scale, self._shift = (
+            torch.from_numpy(item).to(device) for item in (rows, columns, PIXEL_SCALE, PIXEL_SHIFT)
+        )
+        threads = None if device == "cpu" else 1
+        self._parts = ParallelParts(self._maps_of, FRAMES_AT_ONCE, threads)
         self.trunk_passes = 0
         """Frames that the trunk has seen so far."""
 
@@ -113,15 +119,15 @@ class SpatialNetwork:
         frames = torch.from_numpy(np.ascontiguousarray(observations))
         if not self._frozen:
             return frames.to(self.flat.device)
-        with torch.no_grad():
-            parts = [self._features(part) for part in torch.split(frames, FRAMES_AT_ONCE)]
-        return torch.cat(parts)
+        self.trunk_passes += len(frames)
+        return torch.cat(self._parts.map(self._fixed_features, self._parts.split(frames)))
 
     def __call__(self, inputs: Tensor) -> SpatialEvaluation:
         """Run the network on what `inputs` returned, [B, ...]."""
-        parts = [self._maps_of(part) for part in torch.split(inputs, FRAMES_AT_ONCE)]
-        squeezed, maps = (torch.cat(tensors) for tensors in zip(*parts, strict=True))
-        weights, arms, count = self._views(), len(ARMS), len(inputs)
+        squeezed, maps = self._parts(self.flat, inputs)
+        weights, arms, count = self._views(self.flat), len(ARMS), len(inputs)
+        if not self._frozen:
+            self.trunk_passes += count
         flat = maps.flatten(2)
         offsets = flat[:, arms : 3 * arms].reshape(count, arms, 2, CELLS)
         others = flat[:, 3 * arms :].reshape(count, arms, -1, CELLS)
@@ -133,42 +139,48 @@ class SpatialNetwork:
             value=value[:, 0],
         )
 
+<<<<<<< HEAD
     def terms(self, inputs: Tensor, arguments: Tensor, used: Tensor) -> ActionTerms:
         """Return what the losses need of raw actions [B, R] on what `inputs` returned, [B, ...]."""
         evaluation = self(inputs)
         return ActionTerms(*evaluation.argument_terms(arguments, used), evaluation.value)
 
     def _maps_of(self, inputs: Tensor) -> tuple[Tensor, Tensor]:
+=======
+    def _maps_of(self, flat: Tensor, inputs: Tensor) -> tuple[Tensor, Tensor]:
+>>>>>>> images7
         """Return 16 maps of 8 x 8 of some frames, or of their features, and the 2 + 4 + 2p made of them."""
-        features = inputs if self._frozen else self._features(inputs)
-        weights = self._views()
+        weights = self._views(flat)
+        features = inputs if self._frozen else self._features(inputs, weights)
         sampled = self._rows @ features @ self._columns.T
         squeezed = _convolve(sampled, self._squeeze, weights).relu()
         return squeezed, _convolve(squeezed, self._maps, weights)
 
-    def _features(self, frames: Tensor) -> Tensor:
+    def _fixed_features(self, frames: Tensor) -> Tensor:
+        """Return a frozen trunk's maps of frames, without a graph behind them."""
+        with torch.no_grad():
+            return self._features(frames.to(self.flat.device), self._fixed)
+
+    def _features(self, frames: Tensor, weights: dict[str, Tensor]) -> Tensor:
         """Return the trunk's maps [B, C, 16, 16] of frames [B, 256, 256, 3]."""
-        self.trunk_passes += len(frames)
-        weights = self._fixed if self._frozen else self._views()
-        pixels = frames.to(self.flat).permute(0, 3, 1, 2) / 255.0
-        mean, std = (pixels.new_tensor(item).view(1, 3, 1, 1) for item in (IMAGENET_MEAN, IMAGENET_STD))
-        hidden = (pixels - mean) / std
+        rows = frames.flatten(2).to(torch.float32).mul_(self._scale).add_(self._shift)
+        hidden = rows.view(frames.shape).permute(0, 3, 1, 2)
         for layer in self._trunk:
             hidden = _convolve(hidden, layer, weights).relu()
             if layer.pooled:
                 hidden = functional.max_pool2d(hidden, 2)
         return hidden
 
-    def _views(self) -> dict[str, Tensor]:
-        """Return the trained parameters by name, as views of `flat`."""
+    def _views(self, flat: Tensor) -> dict[str, Tensor]:
+        """Return the trained parameters by name, as views of all of them [P]."""
         sizes = [math.prod(shape) for shape in self._shapes.values()]
-        parts = torch.split(self.flat, sizes)
+        parts = torch.split(flat, sizes)
         return {
             name: part.view(shape) for part, (name, shape) in zip(parts, self._shapes.items(), strict=True)
         }
 
     def _named(self) -> dict[str, Tensor]:
-        return {name: view.detach() for name, view in (self._fixed | self._views()).items()}
+        return {name: view.detach() for name, view in (self._fixed | self._views(self.flat)).items()}
 
     def weights(self) -> dict[str, Float32Array]:
         """Return copies of all weights by name, as `taskschema.policies.SpatialNetwork` takes them."""

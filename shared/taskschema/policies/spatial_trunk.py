@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskschema.arrays import Float32Array, FloatArray
+from taskschema.frames import FRAME_SIZE
 from taskschema.skills.table_space import TableRectangle
 
 FEATURE_GRID = 16
@@ -18,6 +19,12 @@ SQUEEZED = 16
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 """Of red, green and blue, for pixels from 0 to 1: what VGG's published weights expect."""
 IMAGENET_STD = (0.229, 0.224, 0.225)
+PIXEL_SCALE: Float32Array = np.tile(1.0 / (255.0 * np.array(IMAGENET_STD)), FRAME_SIZE).astype(np.float32)
+PIXEL_SHIFT: Float32Array = np.tile(-np.array(IMAGENET_MEAN) / np.array(IMAGENET_STD), FRAME_SIZE).astype(
+    np.float32
+)
+"""[768] a network's input is pixel * scale + shift, pixels from 0 to 255: over a frame's whole row at once,
+which is ten times as fast as over its three colours."""
 
 
 @dataclass(frozen=True)

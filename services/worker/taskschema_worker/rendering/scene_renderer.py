@@ -13,6 +13,7 @@ from taskschema.tasks.scene_task import ObjectInstance, SceneTask
 from taskschema_worker.object_model import ObjectModel
 from taskschema_worker.rendering.backend import new_context
 from taskschema_worker.rendering.frame import Frame
+from taskschema_worker.rendering.seen_geoms import SeenGeoms
 from taskschema_worker.rendering.visual_scene import visual_model
 from taskschema_worker.simulation import SceneIndices
 
@@ -57,10 +58,13 @@ class SceneRenderer:
         self._view = mujoco.MjvCamera()
         self._view.type = mujoco.mjtCamera.mjCAMERA_FIXED
         self._view.fixedcamid = self._model.camera(camera).id
+        self._seen = None if fine or width != height else SeenGeoms(self._model, self._view.fixedcamid)
         self._options = mujoco.MjvOption()
         self._scene = mujoco.MjvScene(self._model, MOST_GEOMS)
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
             self._scene.flags[flag] = fine
+        # Seen from above it takes a tenth of the time, although no pixel shows it.
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = camera != "overhead"
         self._viewport = mujoco.MjrRect(0, 0, width, height)
         self._frame = np.empty((height, width, 3), dtype=np.uint8)
         self._window = new_context(width, height)
@@ -79,6 +83,8 @@ class SceneRenderer:
         self._data.qpos[:] = positions
         mujoco.mj_kinematics(self._instance, self._data)
         mujoco.mj_camlight(self._instance, self._data)
+        if self._seen is not None:
+            self._seen.hide_others(self._instance, self._data)
         mujoco.mjv_updateScene(
             self._instance,
             self._data,
