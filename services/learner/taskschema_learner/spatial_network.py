@@ -139,16 +139,12 @@ class SpatialNetwork:
             value=value[:, 0],
         )
 
-<<<<<<< HEAD
     def terms(self, inputs: Tensor, arguments: Tensor, used: Tensor) -> ActionTerms:
         """Return what the losses need of raw actions [B, R] on what `inputs` returned, [B, ...]."""
         evaluation = self(inputs)
         return ActionTerms(*evaluation.argument_terms(arguments, used), evaluation.value)
 
-    def _maps_of(self, inputs: Tensor) -> tuple[Tensor, Tensor]:
-=======
     def _maps_of(self, flat: Tensor, inputs: Tensor) -> tuple[Tensor, Tensor]:
->>>>>>> images7
         """Return 16 maps of 8 x 8 of some frames, or of their features, and the 2 + 4 + 2p made of them."""
         weights = self._views(flat)
         features = inputs if self._frozen else self._features(inputs, weights)
