@@ -27,7 +27,6 @@ from taskschema.tasks.task import Task
 from taskschema_learner.action_terms import ActionTerms
 from taskschema_learner.bounds import bounded
 from taskschema_learner.losses import argument_terms
-from taskschema_learner.networks import bounded
 from taskschema_learner.parallel_parts import ParallelParts
 
 FRAMES_AT_ONCE = 8
