@@ -21,21 +21,30 @@ ROUNDS = 3
 
 
 def measure(repeats: int, rounds: int = ROUNDS) -> list[Entry]:
-    percentiles, slowdowns = [], []
+    percentiles, slowdowns, served, asked = [], [], [], []
     with ServiceProcess(WORKERS) as service:
         service.wait_for_workers()
         for _ in range(repeats):
             quiet = seconds(service.wait_for_rounds(rounds))
+            before = service.api_seconds()
             with _Requests(service.port) as requests:
                 busy = seconds(service.wait_for_rounds(rounds))
+            count = len(requests.latencies)
+            served.append(1e6 * (service.api_seconds() - before) / count)
+            asked.append(1e6 * requests.processor_seconds / count)
             percentiles.append(float(np.percentile(requests.latencies, 99)))
             slowdowns.append(100 * (busy / quiet - 1))
             print(
-                f"  {len(requests.latencies)} requests, p99 {percentiles[-1]:.1f} ms, {slowdowns[-1]:+.1f} %"
+                f"  {count} requests, p99 {percentiles[-1]:.1f} ms, {slowdowns[-1]:+.1f} %, "
+                f"API {served[-1]:.0f} us and clients {asked[-1]:.0f} us of processor time a request"
             )
     return [
         Entry.of(9, "GET /schema at 200/s while training, p99", percentiles, "ms", 25, "lower"),
         Entry.of(9, "training slowed by it, clients on the same cores", slowdowns, "%", 5, "lower"),
+        Entry.of(9, "processor time of the API a request", served, "us", None, "lower"),
+        Entry.of(
+            9, "processor time of the clients a request, part of the slowdown", asked, "us", None, "lower"
+        ),
     ]
 
 
@@ -45,10 +54,12 @@ class _Requests:
     def __init__(self, port: int) -> None:
         context = multiprocessing.get_context("spawn")
         self._stop: Event = context.Event()
-        self._queue: Queue[list[float]] = context.Queue()
+        self._queue: Queue[tuple[list[float], float]] = context.Queue()
         self._process = context.Process(target=_ask, args=(port, self._stop, self._queue))
         self.latencies: list[float] = []
         """From when each request was due until it was answered [ms]."""
+        self.processor_seconds = 0.0
+        """What asking took of the cores [s]."""
 
     def __enter__(self) -> "_Requests":
         self._process.start()
@@ -56,12 +67,13 @@ class _Requests:
 
     def __exit__(self, *_: object) -> None:
         self._stop.set()
-        self.latencies = self._queue.get(timeout=60)
+        self.latencies, self.processor_seconds = self._queue.get(timeout=60)
         self._process.join()
 
 
-def _ask(port: int, stop: Event, queue: "Queue[list[float]]") -> None:
+def _ask(port: int, stop: Event, queue: "Queue[tuple[list[float], float]]") -> None:
     latencies: list[float] = []
+    processor = time.process_time()
     start = time.monotonic() + 0.1
     threads = [
         threading.Thread(target=_connection, args=(port, start + index / RATE, stop, latencies))
@@ -71,7 +83,7 @@ def _ask(port: int, stop: Event, queue: "Queue[list[float]]") -> None:
         thread.start()
     for thread in threads:
         thread.join()
-    queue.put(latencies)
+    queue.put((latencies, time.process_time() - processor))
 
 
 def _connection(port: int, due: float, stop: Event, latencies: list[float]) -> None:

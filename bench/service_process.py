@@ -98,6 +98,14 @@ class ServiceProcess:
                 continue
         return actors, total
 
+    def api_seconds(self) -> float:
+        """Return the processor time that the API's process has taken so far [s]."""
+        for process in psutil.Process(self._process.pid).children(recursive=True):
+            if "taskschema_learner.api" in process.cmdline():
+                times = process.cpu_times()
+                return float(times.user + times.system)
+        raise RuntimeError("The API's process is gone.")
+
     def _wait(self, condition: Any, what: str) -> None:
         deadline = time.monotonic() + PATIENCE_SECONDS
         while not condition():

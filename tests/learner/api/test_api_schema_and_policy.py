@@ -54,6 +54,19 @@ def test_a_new_schema_shows_without_delay(served):
             seen.set()
 
 
+def test_the_cached_schema_is_answered_like_any_other(served):
+    """The first of two requests in a row fills the cache; a named run goes the long way."""
+    named = served.http.get(f"/schema?run={RUN}")
+    served.http.get("/schema")
+    cached = served.http.get("/schema")
+    assert cached.content == named.content
+    dates = {"date": None}
+    assert {**cached.headers, **dates} == {**named.headers, **dates}
+    assert served.http.get("/schema", headers={"Host": "evil.example"}).status_code == 400
+    assert served.http.head("/schema").status_code == 405
+    assert served.http.post("/schema").status_code in (401, 405)
+
+
 def test_schema_is_not_sent_again(served):
     etag = served.http.get("/schema").headers["etag"]
     again = served.http.get("/schema", headers={"If-None-Match": etag})

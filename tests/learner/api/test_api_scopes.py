@@ -87,6 +87,13 @@ def ask(client, method: str, path: str, token: str | None) -> int:
     return answer.status_code
 
 
+def test_a_cached_schema_needs_its_token_too(beyond) -> None:
+    answers = [ask(beyond, "GET", "/schema", HELD["read"]) for _ in range(3)]
+    refused = [ask(beyond, "GET", "/schema", token) for token in (None, UNKNOWN, EXPIRED, HELD["control"])]
+    assert answers == [200] * 3
+    assert refused == [401, 401, 401, 403]
+
+
 def test_the_table_and_the_description_list_the_same(beyond) -> None:
     hidden = {("GET", path) for path in ("/", "/docs", "/docs/oauth2-redirect", "/openapi.json")}
     assert set(described(beyond)) | hidden == set(NEEDS)

@@ -18,6 +18,7 @@ from taskschema_learner.api.access import Access
 from taskschema_learner.api.description import describe_needs
 from taskschema_learner.api.gate import Gate
 from taskschema_learner.api.models import Problem
+from taskschema_learner.api.newest_schema import NewestSchema
 from taskschema_learner.api.problems import RequestError
 from taskschema_learner.api.rates import Rates
 from taskschema_learner.api.routes import ROUTERS
@@ -83,6 +84,7 @@ def build_app(
     app.add_exception_handler(RequestValidationError, _on_invalid_request)
     app.add_exception_handler(HTTPException, _on_http_error)
     app.add_exception_handler(Exception, _on_bug)
+    app.add_middleware(NewestSchema, state=app.state.api)
     app.add_middleware(Gate, access=access, rates=rates or Rates.of())
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=access.hosts, www_redirect=False)
     return app

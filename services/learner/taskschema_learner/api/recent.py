@@ -28,22 +28,27 @@ class Recent(Generic[T]):
         self._values: OrderedDict[str, tuple[float, T]] = OrderedDict()
         self._loading: dict[str, asyncio.Task[T]] = {}
 
+    def fresh(self, key: str) -> T | None:
+        """Return the value of a key if it need not be loaded again yet."""
+        held = self._values.get(key)
+        return held[1] if held is not None and time.monotonic() - held[0] <= self._fresh else None
+
     async def get(self, key: str) -> T:
         """Return the value of a key; readers that come while it is loaded share that load.
 
         Raises:
             Exception: whatever loading raises; failures are not kept.
         """
+        fresh = self.fresh(key)
+        if fresh is not None:
+            return fresh
         held = self._values.get(key)
-        age = float("inf") if held is None else time.monotonic() - held[0]
-        if held is not None and age <= self._fresh:
-            return held[1]
         task = self._loading.get(key)
         if task is None:
             task = asyncio.create_task(self._refresh(key))
             self._loading[key] = task
             task.add_done_callback(lambda done: self._finish(key, done))
-        if held is not None and age <= self._usable:
+        if held is not None and time.monotonic() - held[0] <= self._usable:
             return held[1]
         # Shielded: a client that hangs up must not cancel the load that others wait for.
         return await asyncio.shield(task)
