@@ -1,4 +1,4 @@
-"""The compose file's profile `robot`: twin, agent and training, by their very commands, without containers."""
+"""The compose file's profile `robot`: twin, agent and training by their own commands, no containers."""
 
 import os
 import subprocess
