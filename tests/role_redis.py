@@ -58,13 +58,16 @@ def free_port() -> int:
 
 @contextmanager
 def role_redis(folder: Path, certificates: Certificates | None = None) -> Iterator[RoleRedis]:
-    """Run `deploy/redis/start.sh` with random passwords; with certificates it speaks TLS alone."""
+    """Run `deploy/redis/start.sh` with random passwords; with certificates it speaks TLS alone.
+
+    Again in the same folder, it goes on with the data that is there.
+    """
     program, protects_keys = server_program()
     template = (DEPLOY / "users.acl.template").read_text()
     if not protects_keys:  # 6.2 knows no rules for reading alone
         template = template.replace("%R~", "~").replace("%W~", "~")
     (folder / "template").write_text(template)
-    (folder / "data").mkdir()
+    (folder / "data").mkdir(exist_ok=True)
     passwords = {role: secrets.token_hex(16) for role in ROLES}
     port = free_port()
     environment = {

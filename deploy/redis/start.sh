@@ -1,6 +1,9 @@
 #!/bin/sh
 # Start Redis (7.0 or newer) with one user per role. The passwords come from REDIS_{LEARNER,WORKER,API,ROBOT}_PASSWORD,
 # and only their SHA-256 is written, into memory. Further words are options of redis-server.
+#
+# The user `default` is off: nobody comes in as it. It has every right all the same, because Redis reads its own log
+# again under its name, and would leave out whole transactions (github.com/redis/redis/issues/14541).
 set -eu
 umask 077
 rules=${REDIS_ACL_FILE:-/tmp/users.acl}

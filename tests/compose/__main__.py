@@ -2,7 +2,9 @@
 
 Brings the stack up from nothing, scales it 2 -> 6 -> 1, kills the learner and a worker, restarts every
 service, takes it down and up again, and asks for the schema all the while. In the end the run's hash must be
-that of the same run embedded in the learner's image. Needs a Docker engine; without one it says so.
+that of the same run embedded in the learner's image. The robot's twin, agent and training run beside it for
+a while, and the stack's secrets are looked for wherever somebody may look. Needs a Docker engine; without one
+it says so.
 """
 
 import subprocess
@@ -11,9 +13,11 @@ import tempfile
 import time
 from pathlib import Path
 
+from tests.compose.comparison import embedded_hash, finish
 from tests.compose.engine import SkippedError, compose_command
 from tests.compose.schema_watch import SchemaWatch
-from tests.compose.stack import RUN, Stack, docker, image_sizes
+from tests.compose.secrets_check import check_secrets_at_rest, check_secrets_of_running
+from tests.compose.stack import PROFILES, ROBOT_RUN, ROBOT_SLOTS, RUN, Stack, docker, image_sizes
 
 TASK = "lateral-lifting"
 KILL_ALL = ("sh", "-c", "kill -9 -1")
@@ -45,7 +49,7 @@ def main() -> int:
 
 def check(stack: Stack) -> str:
     """Do everything and return what was measured, on one line."""
-    build = timed(stack, "--profile", "tools", "build")
+    build = timed(stack, *PROFILES, "build")
     up = timed(stack, "up", "-d", "--no-build", "--scale", "worker=2")
     up += stack.workers_become(2) + stack.rounds_pass(2)
     say(f"built in {build:.0f} s, two rounds after {up:.0f} s")
@@ -59,17 +63,22 @@ def check(stack: Stack) -> str:
         worker_lost = kill_worker(stack)
         restart_everything(stack, watch)
         down_and_up(stack, watch)
+        twin = run_the_twin(stack)
+        check_secrets_of_running(stack)
     assert not watch.failures, f"{len(watch.failures)} requests for the schema failed: {watch.failures[0]}"
     assert watch.versions == sorted(watch.versions), "an older schema was answered after a newer one"
-    rounds, here = finish(stack)
-    there = embedded_hash(stack, rounds)
+    rounds, here = finish(stack, {RUN: "learner", ROBOT_RUN: "robot-learner"})
+    say(f"training {rounds} rounds embedded")
+    there = embedded_hash(stack, TASK, rounds)
     assert here == there, f"the run's hash after {rounds} rounds is {here}, embedded it is {there}"
-    check_secrets(stack)
+    check_secrets_at_rest(stack)
     return (
         f"workers 2 -> 6 in {grown:.0f} s, 6 -> 1 in {shrunk:.0f} s; two rounds {learner_back:.0f} s after "
         f"the learner and {worker_lost:.0f} s after a worker was killed; schema answered {watch.answered} "
         f"times, slowest {1e3 * watch.slowest:.0f} ms, {watch.excused_failures} not answered while API or "
-        f"Redis was restarted; hash {here[:12]} after {rounds} rounds equals the embedded run's"
+        f"Redis was restarted; {2 * ROBOT_SLOTS} episodes of the robot's twin learned from after "
+        f"{twin:.0f} s; hash {here[:12]} after {rounds} rounds equals the embedded run's; no secret in "
+        "images, processes, volumes and logs"
     )
 
 
@@ -123,29 +132,18 @@ def down_and_up(stack: Stack, watch: SchemaWatch) -> None:
     say(f"down took {down:.0f} s, up {up:.0f} s: next round after {stack.rounds_pass(1):.0f} s")
 
 
-def finish(stack: Stack) -> tuple[int, str]:
-    """Stop the run; return its finished rounds and its hash."""
-    stack.post(f"/runs/{RUN}/stop")
-    stack.wait(lambda: not stack.containers("learner"), "the learner's end")
-    return stack.version(), stack.compose("run", "--rm", "-T", "tools", "taskschema", "hash", RUN).strip()
+def run_the_twin(stack: Stack) -> float:
+    """Start the robot's profile beside the rest; return how long its first two rounds took [s].
 
-
-def embedded_hash(stack: Stack, rounds: int) -> str:
-    """Train as many rounds with everything in one container, and return that run's hash."""
-    say(f"training {rounds} rounds embedded")
-    train = f"taskschema train {TASK} --until-success 0 --rounds {rounds} --api none --run-dir /tmp/embedded"
-    words = ("run", "--rm", "-T", "tools", "sh", "-c", f"{train} >&2 && taskschema hash /tmp/embedded")
-    return stack.compose(*words).strip()
-
-
-def check_secrets(stack: Stack) -> None:
-    """No secret stands in a log of a container or in the run's folder."""
-    logs = stack.compose("logs", "--no-color")
-    leaked = [secret[:4] for secret in stack.secrets if secret in logs]
-    assert not leaked, f"secrets beginning with {leaked} are in the containers' logs"
-    pattern = "|".join(stack.secrets)
-    search = f"! grep -rqE '{pattern}' /runs"
-    stack.compose("run", "--rm", "-T", "tools", "sh", "-c", search)
+    Then its twin is restarted, as it would be after a fall of its own: the agent comes back to it.
+    """
+    seconds = timed(stack, "--profile", "robot", "up", "-d", "--no-build", "robot")
+    seconds += stack.rounds_pass(2, ROBOT_RUN)
+    say(f"two rounds of the robot's twin after {seconds:.0f} s")
+    assert stack.live_workers(ROBOT_RUN) == 1
+    stack.compose("--profile", "robot", "restart", "robot-twin")
+    say(f"robot-twin restarted: next round after {stack.rounds_pass(1, ROBOT_RUN):.0f} s")
+    return seconds
 
 
 def timed(stack: Stack, *words: str) -> float:

@@ -14,15 +14,25 @@ from typing import Any
 from tests.compose.engine import ROOT
 
 PROJECT = "taskschema-test"
-RUN = "compose-test"
-PATIENCE_SECONDS = 240.0
-"""Longest wait for anything that the stack does by itself [s]."""
+RUN, ROBOT_RUN = "compose-test", "compose-test-robot"
+ROBOT_SLOTS = 4
+"""Episodes a round of the robot's run: the paper's 167 take minutes on the twin."""
+PROFILES = ("--profile", "tools", "--profile", "robot")
 
 
 class Stack:
-    """Commands to the stack and questions to its API."""
+    """Commands to the stack and questions to its API.
 
-    def __init__(self, compose: list[str], folder: Path, task: str) -> None:
+    Args:
+        compose: the command.
+        folder: for its settings.
+        task: that it trains.
+        patience: longest wait for anything that the stack does by itself [s].
+
+    """
+
+    def __init__(self, compose: list[str], folder: Path, task: str, patience: float = 240.0) -> None:
+        self._patience = patience
         self._settings = folder / "compose.env"
         self._port = _free_port()
         settings = subprocess.run(
@@ -33,6 +43,8 @@ class Stack:
             "TASKSCHEMA_TASK": task,
             "TASKSCHEMA_RUN": RUN,
             "TASKSCHEMA_OPTIONS": "--until-success 0",
+            "TASKSCHEMA_ROBOT_RUN": ROBOT_RUN,
+            "TASKSCHEMA_ROBOT_OPTIONS": f"--until-success 0 --slots {ROBOT_SLOTS}",
             "TORCH_INDEX_URL": os.environ.get("TORCH_INDEX_URL", ""),
         }
         lines = [line for line in settings.splitlines() if line.partition("=")[0] not in own]
@@ -58,20 +70,18 @@ class Stack:
 
     def clean(self) -> None:
         """Remove containers, networks and volumes, if there are any."""
-        self.compose("--profile", "tools", "down", "--volumes", "--remove-orphans")
+        self.compose(*PROFILES, "down", "--volumes", "--remove-orphans")
 
-    def containers(self, service: str) -> list[str]:
-        """Return the ids of a service's running containers, oldest first."""
-        label = f"label=com.docker.compose.project={PROJECT}"
-        found = docker(
-            "ps", "-q", "--filter", label, "--filter", f"label=com.docker.compose.service={service}"
-        )
-        return found.split()[::-1]
+    def containers(self, service: str | None = None) -> list[str]:
+        """Return the ids of a service's running containers, or of all, oldest first."""
+        words = ["--filter", f"label=com.docker.compose.project={PROJECT}"]
+        if service is not None:
+            words += ["--filter", f"label=com.docker.compose.service={service}"]
+        return docker("ps", "-q", *words).split()[::-1]
 
     def memory(self) -> dict[str, str]:
         """Return what each running container holds, by its name."""
-        label = f"label=com.docker.compose.project={PROJECT}"
-        ids = docker("ps", "-q", "--filter", label).split()
+        ids = self.containers()
         lines = docker("stats", "--no-stream", "--format", "{{.Name}}={{.MemUsage}}", *ids).splitlines()
         used = dict(line.partition("/")[0].strip().split("=") for line in lines)
         return {name.removeprefix(PROJECT).strip("_-"): size for name, size in sorted(used.items())}
@@ -97,19 +107,19 @@ class Stack:
     def headers(self) -> dict[str, str]:
         return {"Authorization": f"Bearer {self._values['TASKSCHEMA_API_TOKEN']}"}
 
-    def version(self) -> int:
+    def version(self, run: str = RUN) -> int:
         """Return the newest policy version: the number of finished rounds."""
-        return int(self.get(f"/runs/{RUN}")["status"]["version"])
+        return int(self.get(f"/runs/{run}")["status"]["version"])
 
-    def live_workers(self) -> int:
-        return int(self.get(f"/workers?run={RUN}")["live"])
+    def live_workers(self, run: str = RUN) -> int:
+        return int(self.get(f"/workers?run={run}")["live"])
 
-    def rounds_pass(self, count: int) -> float:
+    def rounds_pass(self, count: int, run: str = RUN) -> float:
         """Wait for so many more rounds and return how long that took [s]."""
         started = time.monotonic()
-        self.wait(lambda: self.version() >= 0, "the API")
-        goal = self.version() + count
-        self.wait(lambda: self.version() >= goal, f"round {goal}")
+        self.wait(lambda: self.version(run) >= 0, f"run {run}")
+        goal = self.version(run) + count
+        self.wait(lambda: self.version(run) >= goal, f"round {goal} of run {run}")
         return time.monotonic() - started
 
     def workers_become(self, count: int) -> float:
@@ -124,7 +134,7 @@ class Stack:
         Raises:
             TimeoutError: if it does not come true.
         """
-        deadline = time.monotonic() + PATIENCE_SECONDS
+        deadline = time.monotonic() + self._patience
         while True:
             try:
                 if condition():
@@ -132,7 +142,7 @@ class Stack:
             except (OSError, KeyError, json.JSONDecodeError):
                 pass  # the API is away, or knows no run yet
             if time.monotonic() > deadline:
-                raise TimeoutError(f"no sign of {what} after {PATIENCE_SECONDS:.0f} s")
+                raise TimeoutError(f"no sign of {what} after {self._patience:.0f} s")
             time.sleep(0.2)
 
 
@@ -143,8 +153,7 @@ def image_sizes() -> dict[str, int]:
         name = path.name.removesuffix(".Dockerfile")
         base = path.read_text(encoding="utf-8").partition("FROM ")[2].split()[0]
         for image in [name, "embedded"] if name == "learner" else [name]:
-            if image != "robot":  # of another profile
-                sizes[image] = _size(f"taskschema-{image}:0.1.0") - _size(base)
+            sizes[image] = _size(f"taskschema-{image}:0.1.0") - _size(base)
     return sizes
 
 

@@ -7,8 +7,10 @@ import subprocess
 import pytest
 from compose_file import ROOT, raw, services, settings, variables
 
-OWN = ("redis", "head", "worker", "learner", "api", "tools", "robot")
+OWN = ("redis", "head", "worker", "learner", "api", "tools", "robot-twin", "robot-learner", "robot")
 """Services of images that are built here."""
+BUILT_BY_ANOTHER = ("worker", "robot")
+"""Services of an image that one builds which they depend on."""
 
 
 def test_every_setting_is_in_the_example_and_every_secret_is_new_each_time():
@@ -32,7 +34,7 @@ def test_containers_can_do_as_little_as_possible(service):
     assert int(settings["user"].partition(":")[0]) > 0
     assert settings["mem_limit"]
     assert "privileged" not in settings
-    assert settings.get("healthcheck") or service in ("tools", "robot")
+    assert settings.get("healthcheck") or service == "tools"
 
 
 def test_only_api_and_grafana_are_published_and_on_loopback():
@@ -52,6 +54,8 @@ def test_each_service_gets_only_its_own_secrets():
         "learner": {"RAY_AUTH_TOKEN", "REDIS_LEARNER_PASSWORD", "REDIS_WORKER_PASSWORD"},
         "api": {"REDIS_API_PASSWORD"} | {f"TASKSCHEMA_API_{scope}TOKEN" for scope in ("", "READ_", "ROBOT_")},
         "tools": set(),
+        "robot-twin": set(),
+        "robot-learner": {"REDIS_LEARNER_PASSWORD"},
         "robot": {"REDIS_ROBOT_PASSWORD"},
         "prometheus": {"TASKSCHEMA_API_READ_TOKEN"},
         "grafana": {"GRAFANA_ADMIN_PASSWORD"},
@@ -66,7 +70,9 @@ def test_each_service_gets_only_its_own_secrets():
 def test_images_have_full_tags_and_their_own_dockerfile():
     for name, each in services().items():
         assert re.fullmatch(r"\S+:v?\d+\.\d+\.\d+", each["image"]), name
-        if name in OWN and name != "worker":  # the head builds the workers' image
+        if name in BUILT_BY_ANOTHER:
+            assert each["image"] in [services()[other]["image"] for other in each["depends_on"]]
+        elif name in OWN:
             assert (ROOT / each["build"]["dockerfile"]).exists()
     for path in (ROOT / "deploy/docker").glob("*.Dockerfile"):
         text = path.read_text()

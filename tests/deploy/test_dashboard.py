@@ -13,6 +13,7 @@ from typing import Any
 import httpx
 import pytest
 import yaml
+from bus_setup import wait_until
 from role_redis import free_port
 
 from taskschema.bus.connection import connect
@@ -24,6 +25,10 @@ DASHBOARD = json.loads((ROOT / "deploy/grafana/dashboards/taskschema.json").read
 QUERIES = [(panel["title"], target["expr"]) for panel in DASHBOARD["panels"] for target in panel["targets"]]
 RUN = "watched"
 TOKEN = "a-token-for-tests"
+PATIENCE_SECONDS = 240.0
+"""For what takes seconds on an idle machine."""
+
+pytestmark = pytest.mark.timeout(600)
 
 
 @pytest.fixture(scope="module")
@@ -35,15 +40,14 @@ def prometheus(tmp_path_factory: pytest.TempPathFactory):
     folder = tmp_path_factory.mktemp("prometheus")
     command = [COMMAND, "train", "toy", "--run-dir", str(folder / RUN), "--workers", "0", "--slots", "10"]
     environment = {**os.environ, "TASKSCHEMA_API_TOKEN": TOKEN, "TASKSCHEMA_API_READ_TOKEN": f"{TOKEN}-2"}
-    with subprocess.Popen(
-        [*command, "--until-success", "0", "--api", "127.0.0.1:0"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        env=environment,
-    ) as training:
+    command += ["--until-success", "0", "--api", "127.0.0.1:0"]
+    output = folder / "training.log"
+    with (
+        output.open("w") as log,
+        subprocess.Popen(command, stdout=log, stderr=log, env=environment) as training,
+    ):
         try:
-            url = api_url(training)
+            url = api_url(training, output)
             refuse_a_message(folder)
             httpx.put(f"{url}/workers", json={"target": 1}, headers={"Authorization": f"Bearer {TOKEN}"})
             yield from watching(program, folder, url.removeprefix("http://"))
@@ -52,13 +56,14 @@ def prometheus(tmp_path_factory: pytest.TempPathFactory):
             training.wait(30)
 
 
-def api_url(training: subprocess.Popen[str]) -> str:
-    assert training.stdout is not None
-    for line in training.stdout:
-        match = re.search(r"API: (http://\S+)", line)
-        if match is not None:
-            return match[1]
-    raise AssertionError("the training ended before it said where its API is")
+def api_url(training: subprocess.Popen[bytes], output: Path) -> str:
+    def said() -> re.Match[str] | None:
+        return re.search(r"API: (http://\S+)\s", output.read_text())
+
+    wait_until(lambda: said() is not None or training.poll() is not None, seconds=PATIENCE_SECONDS)
+    match = said()
+    assert match is not None, output.read_text()
+    return match[1]
 
 
 def refuse_a_message(folder: Path) -> None:
@@ -98,7 +103,7 @@ def watching(program: str, folder: Path, target: str):
 
 
 def wait_for_rounds(client: httpx.Client, process: subprocess.Popen[bytes], log: Path) -> None:
-    deadline = time.monotonic() + 90
+    deadline = time.monotonic() + PATIENCE_SECONDS
     while time.monotonic() < deadline:
         assert process.poll() is None, log.read_text()
         try:

@@ -4,9 +4,10 @@ import os
 import re
 import subprocess
 import sys
-import time
 from pathlib import Path
 
+import pytest
+from bus_setup import wait_until
 from prometheus_client.parser import text_string_to_metric_families
 
 from taskschema_learner.api.exposition import exposition
@@ -16,6 +17,8 @@ from taskschema_learner.run_folder import RunFolder
 DOCS = (Path(__file__).parents[2] / "docs/operate.md").read_text(encoding="utf-8")
 COMMAND = Path(sys.executable).with_name("taskschema")
 RUN = "toy-run"
+PATIENCE_SECONDS = 240.0
+"""For what takes seconds on an idle machine."""
 TRAIN = ["train", "--rounds", "12", "--until-success", "0", "--workers", "0", "--api", "none"]
 
 
@@ -28,26 +31,33 @@ def documented(section: str) -> str:
 def shell(script: str, folder: Path) -> str:
     environment = {**os.environ, "RUN": RUN, "PATH": f"{COMMAND.parent}:{os.environ['PATH']}"}
     done = subprocess.run(
-        ["bash", "-euc", script], cwd=folder, env=environment, capture_output=True, text=True, timeout=120
+        ["bash", "-euc", script],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_SECONDS,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
 
+def rounds(run: Path) -> int:
+    return len(RunFolder.open(run).read_metrics()) if (run / "metrics.csv").exists() else 0
+
+
+@pytest.mark.timeout(900)
 def test_a_run_is_backed_up_while_it_trains_and_restored(tmp_path: Path) -> None:
     run = tmp_path / "runs" / RUN
     slow = f"{Path(__file__).parents[1] / 'learner/slow_toy.py'}:SlowToy"
     words = [*TRAIN, "--task-file", slow, "--run-dir", str(run)]
     training = subprocess.Popen([COMMAND, *words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     try:
-        deadline = time.monotonic() + 90
-        while not (run / "metrics.csv").exists() or len(RunFolder.open(run).read_metrics()) < 3:
-            assert training.poll() is None, training.communicate()[0].decode()
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
+        wait_until(lambda: rounds(run) >= 3 or training.poll() is not None, seconds=PATIENCE_SECONDS)
+        assert training.poll() is None, training.communicate()[0].decode()
         shell(documented("Back up a run"), tmp_path)
         assert training.poll() is None, "it was to be copied while it trains"
-        output, _ = training.communicate(timeout=120)
+        output, _ = training.communicate(timeout=PATIENCE_SECONDS)
     finally:
         training.kill()
     assert training.returncode == 0, output.decode()

@@ -203,6 +203,20 @@ def test_each_role_can_do_its_work(server: RoleRedis) -> None:
         assert source.events(run.name, source.last_event(run.name)) == []
 
 
+def test_what_was_answered_is_there_after_a_restart(tmp_path: Path) -> None:
+    """Transactions too, of which a Redis whose default user may do nothing reads none again."""
+    item = b"an item"
+    for start in range(2):
+        with role_redis(tmp_path) as server:
+            client = server.client("learner")
+            if start == 0:
+                client.pipeline(transaction=True).hset(KEYS.config, "hash", item).set(KEYS.fence, 7).execute()
+                client.hset(KEYS.policy, "version", 3)
+            assert client.hget(KEYS.config, "hash") == item
+            assert client.get(KEYS.fence) == b"7"
+            assert client.hget(KEYS.policy, "version") == b"3"
+
+
 def test_a_missing_password_is_one_clear_line() -> None:
     environment = {**os.environ, "REDIS_LEARNER_PASSWORD": "x", "REDIS_WORKER_PASSWORD": ""}
     done = subprocess.run([DEPLOY / "start.sh"], env=environment, capture_output=True, text=True)

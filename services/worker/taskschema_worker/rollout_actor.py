@@ -9,7 +9,6 @@ import psutil
 from taskschema.bus.connection import connect
 from taskschema.bus.worker_bus import WorkerBus
 from taskschema.logs import FORMAT_VARIABLE, bind, log_format, log_to_stderr
-from taskschema_worker.worker import Worker
 
 
 class RolloutActor:
@@ -38,6 +37,9 @@ class RolloutActor:
             BusError: if Redis refuses, or the run is not there.
 
         """
+        # Here, for a learner names this class to Ray and has none of the simulator's packages.
+        from taskschema_worker.worker import Worker
+
         worker_id = f"{socket.gethostname()}-{os.getpid()}-{self._name}"
         bind(run=self._run, worker=worker_id)
         bus = WorkerBus(connect(self._redis_url), self._run, worker_id, cores=self._cores)

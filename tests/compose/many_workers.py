@@ -1,0 +1,75 @@
+"""`python -m tests.compose.many_workers 50`: so many worker containers on one machine.
+
+Builds, runs `up --scale worker=N` from nothing, waits until N workers live and rounds pass, measures what the
+containers hold, and compares the run's hash with that of the same run embedded. It leaves nothing behind, and
+needs some 0.35 GiB of memory a worker.
+"""
+
+import argparse
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from tests.compose.comparison import embedded_hash, finish
+from tests.compose.engine import SkippedError, compose_command
+from tests.compose.stack import PROFILES, RUN, Stack
+
+TASK = "lateral-lifting"
+PATIENCE_SECONDS = 1800.0
+BYTES = {"KiB": 2**10, "MiB": 2**20, "GiB": 2**30}
+
+
+def main() -> int:
+    """Measure, and return the exit status."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("workers", type=int, help="how many containers")
+    workers = parser.parse_args().workers
+    try:
+        compose = compose_command()
+    except SkippedError as reason:
+        print(f"many-workers: skipped: {reason}.")
+        return 0
+    with tempfile.TemporaryDirectory(prefix="many-workers-") as folder:
+        stack = Stack(compose, Path(folder), TASK, PATIENCE_SECONDS)
+        stack.clean()
+        try:
+            print(f"many-workers: {measure(stack, workers)}")
+        finally:
+            stack.clean()
+    return 0
+
+
+def measure(stack: Stack, workers: int) -> str:
+    """Run so many workers and return what was measured, on one line."""
+    stack.compose(*PROFILES, "build")
+    started = time.monotonic()
+    stack.compose("up", "-d", "--no-build", "--scale", f"worker={workers}")
+    created = time.monotonic() - started
+    stack.workers_become(workers)
+    joined = time.monotonic() - started
+    stack.rounds_pass(2)
+    held = {name: in_bytes(size) for name, size in stack.memory().items()}
+    each = sorted(size for name, size in held.items() if name.startswith("worker"))
+    (head,) = [size for name, size in held.items() if name.startswith("head")]
+    a_round = stack.rounds_pass(2) / 2
+    rounds, here = finish(stack, {RUN: "learner"})
+    there = embedded_hash(stack, TASK, rounds)
+    if here != there:
+        raise AssertionError(f"the run's hash after {rounds} rounds is {here}, embedded it is {there}")
+    return (
+        f"{workers} workers joined {joined:.0f} s after `up` (its containers were made in {created:.0f} s); "
+        f"a worker container holds {each[0] / 2**20:.0f} to {each[-1] / 2**20:.0f} MiB, "
+        f"the head {head / 2**20:.0f}, all together "
+        f"{sum(held.values()) / 2**30:.1f} GiB; {a_round:.1f} s a round; "
+        f"hash {here[:12]} after {rounds} rounds equals the embedded run's"
+    )
+
+
+def in_bytes(size: str) -> float:
+    """Return what the engine writes as 331.2MiB."""
+    return float(size[:-3]) * BYTES[size[-3:]]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
