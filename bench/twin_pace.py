@@ -55,7 +55,7 @@ def _measure(stack: ExitStack, arguments: argparse.Namespace) -> str:
             runner.run(EpisodeKey(config.seed, 0, slot, episode=0, attempt=0), policy)
         except FaultError:
             gate.acknowledge("the bench")
-            runner.go_home(recovering=True)
+            runner.recover()
     ended = hardware.clock.now(), time.monotonic(), time.process_time()
     simulated, wall, processor = (after - before for after, before in zip(ended, began, strict=True))
     return (

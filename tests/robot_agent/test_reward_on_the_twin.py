@@ -3,11 +3,10 @@
 import cv2
 import numpy as np
 import pytest
+from scripted_expert import TASK, Expert
 from twin_setup import LockStep
 
-from taskschema.policies import Actions
 from taskschema.randomness import EpisodeKey
-from taskschema.tasks import get_task
 from taskschema_robot.agent.episode import EpisodeRunner
 from taskschema_robot.agent.twin_person import TwinPerson
 from taskschema_robot.objects.catalogue import HEAVY_BAR
@@ -17,23 +16,6 @@ from taskschema_robot.safety.gate import SafetyGate
 from taskschema_robot.safety.limits import SafetyLimits
 from taskschema_robot.twin.camera import LockStepCamera
 from taskschema_robot.twin.scene import intrinsics
-
-TASK = get_task("lateral-lifting")
-
-
-class Expert:
-    """The scripted expert under the paper's schema, on what the camera sees."""
-
-    def __init__(self, lift: float) -> None:
-        self._lift = lift
-
-    def act(self, observations, step, generators) -> Actions:
-        pair = TASK.paper_pairs[step] if step < 2 else TASK.pairs.index("no_op", "no_op")
-        arguments = TASK.expert_arguments(observations, step)
-        for arm in (0, 1):
-            arguments[:, TASK.pairs.columns(arm, 1)] = self._lift
-        raw = TASK.pairs.to_normalised(arguments).astype(np.float32)
-        return Actions(np.array([pair]), raw, arguments)
 
 
 @pytest.mark.slow

@@ -134,4 +134,4 @@ def test_the_twin_refuses_what_makes_no_sense(rig):
     with pytest.raises(TwinError, match="an arm is 0"):
         rig.client.inject(FaultKind.FREEZE_STATE, 2)
     with pytest.raises(TwinError, match="at a time"):
-        rig.client.advance(rig.clock.now() + 1e9, {})
+        rig.client.run(rig.client.advance(rig.clock.now() + 1e9, {}))

@@ -27,6 +27,8 @@ log = logging.getLogger("taskschema.robot")
 
 Preview = Callable[[Motion, Refusal | None, str], None]
 """Shown every plan before it is made; raises EpisodeDroppedError if a person does not want it."""
+Release = Callable[[str], None]
+"""Asks a person to take what the hands hold, with the reason; returns when they may open."""
 
 
 @dataclass
@@ -53,6 +55,7 @@ class EpisodeRunner:
         clock: the agent's.
         limits: the gate's.
         preview: told about every plan.
+        release: asked before hands open that hold something in the air; None: nobody is there.
 
     """
 
@@ -65,6 +68,7 @@ class EpisodeRunner:
         clock: Clock,
         limits: SafetyLimits,
         preview: Preview | None = None,
+        release: Release | None = None,
     ) -> None:
         self._task = task
         self._size = size
@@ -73,6 +77,8 @@ class EpisodeRunner:
         self._clock = clock
         self._limits = limits
         self._preview = preview
+        self._release = release
+        self._lowering = False
         self._planner = StepPlanner(task, size, limits.period, limits.speed_ratio)
 
     def run(self, key: EpisodeKey, policy: ActingPolicy) -> tuple[Trajectory, EpisodeRecord]:
@@ -99,7 +105,7 @@ class EpisodeRunner:
             judgement = self._world.judge(start)
             if judgement.outcome is Outcome.SUCCESS:
                 break
-        self._put_down()
+        self._put_down(recovering=False)
         self.go_home()
         if judgement.outcome is Outcome.UNKNOWN:
             judgement = self._world.last_look(start)
@@ -119,13 +125,39 @@ class EpisodeRunner:
         )
         return trajectory, record
 
-    def _put_down(self) -> None:
-        """Lower what is held before the hands open; what must not be lowered falls."""
-        motion = self._planner.put_down(self._arms.states())
-        if motion is not None:
-            refusal = self._arms.execute(motion)
-            if refusal is not None:
-                log.warning("What is held is let go in the air: %s", refusal.reason)
+    def recover(self) -> None:
+        """After a fault that was acknowledged: put down what the hands still hold, then go home; slowly.
+
+        Raises:
+            FaultError: if another fault stops the arms; RecoveryError, if no way home is safe.
+
+        """
+        if self._lowering:
+            self._let_go("a fault stopped the arms while they lowered it")
+        else:
+            self._put_down(recovering=True)
+        self.go_home(recovering=True)
+
+    def _put_down(self, *, recovering: bool) -> None:
+        """Lower what is held before the hands open; what must not be lowered is a person's to take."""
+        ratio = self._limits.recovery_speed_ratio if recovering else self._limits.speed_ratio
+        motion = self._planner.put_down(self._arms.states(), ratio)
+        if motion is None:
+            return
+        self._lowering = True
+        refusal = self._arms.execute(motion, recovering=recovering)
+        self._lowering = False
+        if refusal is not None:
+            self._let_go(refusal.reason)
+
+    def _let_go(self, reason: str) -> None:
+        """Have a person take what the hands hold up; they open after that."""
+        self._lowering = False
+        if not self._planner.holds(self._arms.states()):
+            return
+        log.warning("What is held is let go in the air: %s", reason)
+        if self._release is not None:
+            self._release(reason)
 
     def go_home(self, *, recovering: bool = False) -> None:
         """Open the hands and bring the arms home; slowly, along a checked way, after a fault."""

@@ -22,6 +22,10 @@ class Operator(Protocol):
         """Show why the arms stopped; return who acknowledged it, once they have."""
         ...
 
+    def release(self, reason: str) -> None:
+        """Ask for what the hands hold in the air to be taken, as it cannot be put down; then they open."""
+        ...
+
     def dropped(self, reason: str) -> None:
         """Say that an episode does not count, and why."""
         ...
@@ -40,6 +44,9 @@ class Unattended:
     def acknowledge(self, fault: Fault) -> str:
         """Acknowledge; see `Operator`."""
         return "nobody (a twin)"
+
+    def release(self, reason: str) -> None:
+        """Let it fall; see `Operator`."""
 
     def dropped(self, reason: str) -> None:
         """Go on; see `Operator`."""

@@ -126,7 +126,7 @@ class RobotAgent:
         for _ in range(MOST_RECOVERIES):
             try:
                 self._arms.acknowledge(self._operator.acknowledge(fault))
-                self._runner.go_home(recovering=True)
+                self._runner.recover()
                 return
             except FaultError as another:
                 fault = another.fault

@@ -24,7 +24,7 @@ DESCENT_POSES = 6
 DESCENT = PathLimits(speed=0.15, acceleration=0.5)
 """Of what is put down [m/s], [m/s^2]."""
 HOLDS = 0.004
-"""A gripper that was closed and stays further open than this holds something [m]."""
+"""A gripper that was closed and stays further open than this holds something, whatever it says itself [m]."""
 
 
 @dataclass
@@ -94,10 +94,15 @@ class StepPlanner:
             if skill.ends_pressing is not None:
                 self.hands.pressing[arm] = skill.ends_pressing
 
-    def put_down(self, states: tuple[ArmState, ArmState]) -> Motion | None:
+    def holds(self, states: tuple[ArmState, ArmState]) -> bool:
+        """Return whether a hand that was closed has something between its fingers."""
+        return any(self._closed_on_something(arm, states[arm]) for arm in (0, 1))
+
+    def put_down(self, states: tuple[ArmState, ArmState], speed_ratio: float) -> Motion | None:
         """Return the motion that lowers what closed hands lifted to where they took it; None: nothing is up.
 
-        Both hands go down by the same distance at the same speed: what they hold stays level.
+        Both hands go down by the same distance at the same speed: what they hold stays level. They stay
+        closed.
         """
         closed = [arm for arm in (0, 1) if self.hands.opening[arm] <= rethink_gripper().closed]
         heights = [
@@ -108,7 +113,7 @@ class StepPlanner:
         if down < LEAST_DESCENT:
             return None
         paths = [self._straight_down(arm, states[arm], down if arm in closed else 0.0) for arm in (0, 1)]
-        return Motion.of_paths(paths[0], paths[1], self._period, speed_ratio=self._speed_ratio)
+        return Motion.of_paths(paths[0], paths[1], self._period, speed_ratio=speed_ratio)
 
     def _straight_down(self, arm: int, state: ArmState, distance: float) -> ArmPath:
         kinematics, start = sawyer_pair()[arm], state.positions[None].copy()
@@ -144,10 +149,14 @@ class StepPlanner:
             lift_speed=self._task.lift_speed,
         )
 
+    def _closed_on_something(self, arm: int, state: ArmState) -> bool:
+        closed = rethink_gripper().closed
+        thick = state.gripper.opening >= closed + HOLDS
+        return bool(self.hands.opening[arm] <= closed and (thick or state.gripper.gripping))
+
     def _held(self, arm: int, state: ArmState, pose: FloatArray) -> HeldObject | None:
         """Return the object in the hand's frame, if the hand holds it."""
-        closed = rethink_gripper().closed
-        if self.hands.opening[arm] > closed or state.gripper.opening < closed + HOLDS:
+        if not self._closed_on_something(arm, state):
             return None
         position, rotation = sawyer_pair()[arm].forward(state.positions[None])
         inverse = rotation[0].T

@@ -100,13 +100,23 @@ class TerminalOperator:
     def acknowledge(self, fault: Fault) -> str:
         """Show why the arms stopped, until a person gives a name."""
         words = (
-            f"{fault.reason}\n\nBoth arms are stopped, the episode does not count. Look at the robots: "
-            "they go home slowly once you acknowledge, with open hands. Nothing else moves before."
+            f"{fault.reason}\n\nBoth arms are stopped, their hands keep what they hold, the episode does not "
+            "count. Look at the robots: once you acknowledge, they slowly put down what they hold, open, and "
+            "go home. Nothing moves before."
         )
         self._console.print(Panel(words, title=f"FAULT: {fault.kind}", style="bold red"))
         while not (name := self._read_line("Your name, to acknowledge: ").strip()):
             pass
         return name
+
+    def release(self, reason: str) -> None:
+        """Show why the hands cannot put down what they hold, until a person has taken it."""
+        words = (
+            f"{reason}\n\nThe hands hold the object in the air and cannot put it down. Take it, with your "
+            "fingers clear of theirs: they open once you press Enter, and the arms go home slowly."
+        )
+        self._console.print(Panel(words, title="TAKE THE OBJECT", style="bold yellow"))
+        self._read_line("Press Enter when you hold it: ")
 
     def dropped(self, reason: str) -> None:
         """Say that an episode does not count."""

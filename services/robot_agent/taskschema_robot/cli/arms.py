@@ -1,13 +1,17 @@
 """Where drivers are made: the only place beside the gate that sees one."""
 
+import os
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 
+from taskschema.errors import UnknownNameError
 from taskschema.kinematics.sawyer import rethink_gripper
 from taskschema.skills.pairs import ARMS
 from taskschema_robot.clock import Clock, RealClock
 from taskschema_robot.drivers.driver import ArmDriver
-from taskschema_robot.drivers.input_output import InputOutput, InputOutputInTurn
+from taskschema_robot.drivers.input_output import InputOutputInTurn
+from taskschema_robot.drivers.pyrobot.arm import PyrobotArm, PyrobotProcess
 from taskschema_robot.drivers.rosbridge import RosbridgeAddress, RosbridgeArm
 from taskschema_robot.objects.robot_object import RobotObject
 from taskschema_robot.twin.client import TwinClient
@@ -30,6 +34,19 @@ class Hardware:
     clock: Clock
     twin: TwinClient | None = None
     """The twin, if it is one."""
+
+
+@dataclass(frozen=True)
+class Robots:
+    """Where two real Sawyers are, and how they are driven."""
+
+    addresses: tuple[str, str]
+    """Left robot first: of its rosbridge, such as `ws://192.168.1.10:9090`, or for PyRobot of its ROS master,
+    such as `http://192.168.1.10:11311`."""
+    driver: str = "rosbridge"
+    """One of `DRIVERS`."""
+    pyrobot_python: str = "python3"
+    """Interpreter that PyRobot is installed for."""
 
 
 def distant_twin(stack: ExitStack, url: str) -> TwinClient:
@@ -73,24 +90,45 @@ def twin_hardware(stack: ExitStack, client: TwinClient, period: float | None = N
         RosbridgeAddress(url, rethink_gripper().closed, 0.5 if real_time else None, throttle) for url in urls
     ]
     io = clock.input_output if isinstance(clock, LockStepClock) else None
-    drivers = [_arm(stack, name, address, clock, io) for name, address in zip(ARMS, addresses, strict=True)]
-    if isinstance(clock, LockStepClock):
-        for driver in drivers:
+    drivers = [RosbridgeArm(name, address, clock, io) for name, address in zip(ARMS, addresses, strict=True)]
+    for driver in drivers:
+        stack.callback(driver.close)
+        if isinstance(clock, LockStepClock):
             clock.watch(lambda driver=driver: driver.connection)  # type: ignore[misc]
     return Hardware((drivers[0], drivers[1]), clock, client)
 
 
-def robot_hardware(stack: ExitStack, left: str, right: str) -> Hardware:
-    """Return drivers of two Sawyers behind their rosbridges."""
+def robot_hardware(stack: ExitStack, robots: Robots) -> Hardware:
+    """Return drivers of two Sawyers, not connected yet.
+
+    Raises:
+        UnknownNameError: if there is no such driver.
+
+    """
+    if robots.driver not in DRIVERS:
+        raise UnknownNameError("driver", robots.driver, tuple(DRIVERS))
     clock = RealClock()
-    addresses = [RosbridgeAddress(url, rethink_gripper().closed) for url in (left, right)]
-    drivers = [_arm(stack, name, address, clock) for name, address in zip(ARMS, addresses, strict=True)]
+    drivers = [
+        DRIVERS[robots.driver](name, address, robots, clock)
+        for name, address in zip(ARMS, robots.addresses, strict=True)
+    ]
+    for driver in drivers:
+        stack.callback(driver.close)
     return Hardware((drivers[0], drivers[1]), clock)
 
 
-def _arm(
-    stack: ExitStack, name: str, address: RosbridgeAddress, clock: Clock, io: InputOutput | None = None
-) -> RosbridgeArm:
-    driver = RosbridgeArm(name, address, clock, io)
-    stack.callback(driver.close)
-    return driver
+def _rosbridge(name: str, address: str, robots: Robots, clock: Clock) -> ArmDriver:
+    return RosbridgeArm(name, RosbridgeAddress(address, rethink_gripper().closed), clock)
+
+
+def _pyrobot(name: str, address: str, robots: Robots, clock: Clock) -> ArmDriver:
+    environment = dict(os.environ) | {"ROS_MASTER_URI": address}
+    process = PyrobotProcess(robots.pyrobot_python, environment, rethink_gripper().closed)
+    return PyrobotArm(name, process, clock)
+
+
+DRIVERS: dict[str, Callable[[str, str, Robots, Clock], ArmDriver]] = {
+    "rosbridge": _rosbridge,
+    "pyrobot": _pyrobot,
+}
+"""How an arm is made of its name, its address, and what else was said of the robots."""

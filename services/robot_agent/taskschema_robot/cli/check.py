@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from taskschema_robot.cli.options import DriverName, LeftAddress, PyrobotPython, RightAddress
+
 if TYPE_CHECKING:
     from taskschema_robot.agent.first_day import FirstDay
 
@@ -17,8 +19,10 @@ def register(app: typer.Typer) -> None:
 
 def check(
     twin: Annotated[str | None, typer.Option(metavar="URL", help="Practise on a twin.")] = None,
-    left: Annotated[str | None, typer.Option(metavar="URL", help="Left robot's rosbridge.")] = None,
-    right: Annotated[str | None, typer.Option(metavar="URL", help="Right robot's rosbridge.")] = None,
+    left: LeftAddress = None,
+    right: RightAddress = None,
+    driver: DriverName = "rosbridge",
+    pyrobot_python: PyrobotPython = "python3",
     move: Annotated[bool, typer.Option("--move", help="Also move: hands, then both arms, slowly.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: for a twin.")] = False,
 ) -> None:
@@ -29,7 +33,7 @@ def check(
     """
     from taskschema.errors import ConfigError
     from taskschema_robot.agent.first_day import FirstDay
-    from taskschema_robot.cli.arms import distant_twin, robot_hardware, twin_hardware
+    from taskschema_robot.cli.arms import Robots, distant_twin, robot_hardware, twin_hardware
     from taskschema_robot.errors import NotReadyError
     from taskschema_robot.safety.gate import SafetyGate
     from taskschema_robot.safety.limits import SafetyLimits
@@ -44,7 +48,7 @@ def check(
         else:
             assert left is not None
             assert right is not None
-            hardware = robot_hardware(stack, left, right)
+            hardware = robot_hardware(stack, Robots((left, right), driver, pyrobot_python))
         limits = SafetyLimits(speed_ratio=0.1)
         gate = SafetyGate(hardware.drivers, hardware.clock, limits)
         day = FirstDay(gate, hardware.clock, limits, _confirmation(yes), print)

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from taskschema_robot.cli.options import DriverName, LeftAddress, PyrobotPython, RightAddress
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -25,8 +27,10 @@ def run(
         str | None,
         typer.Option(metavar="URL|own", help="A twin's control address; own: one in this process, fast."),
     ] = None,
-    left: Annotated[str | None, typer.Option(metavar="URL", help="Left robot's rosbridge.")] = None,
-    right: Annotated[str | None, typer.Option(metavar="URL", help="Right robot's rosbridge.")] = None,
+    left: LeftAddress = None,
+    right: RightAddress = None,
+    driver: DriverName = "rosbridge",
+    pyrobot_python: PyrobotPython = "python3",
     camera: Annotated[
         str | None, typer.Option(metavar="SOURCE", help="Overhead camera: number or URL.")
     ] = None,
@@ -58,6 +62,7 @@ def run(
     that this software offers is not safety rated: keep the emergency stop buttons within reach.
     """
     from taskschema.errors import ConfigError, UnknownNameError
+    from taskschema_robot.cli.arms import Robots
     from taskschema_robot.cli.serving import Serving, serve
 
     if (twin is None) == (left is None or right is None):
@@ -82,8 +87,7 @@ def run(
         item=item,
         redis=redis,
         twin=twin,
-        left=left,
-        right=right,
+        robots=None if left is None or right is None else Robots((left, right), driver, pyrobot_python),
         camera=camera,
         lens=lens,
         see_truth=see == "truth",

@@ -21,7 +21,7 @@ from taskschema_robot.agent.robot_agent import LEASE_SECONDS, RobotAgent
 from taskschema_robot.agent.stop_endpoint import StopEndpoint
 from taskschema_robot.agent.twin_world import TrueWorld
 from taskschema_robot.agent.world import World
-from taskschema_robot.cli.arms import Hardware, distant_twin, own_twin, robot_hardware, twin_hardware
+from taskschema_robot.cli.arms import Hardware, Robots, distant_twin, own_twin, robot_hardware, twin_hardware
 from taskschema_robot.cli.eyes import open_eyes
 from taskschema_robot.cli.person import Person, person_at_terminal, unattended_person
 from taskschema_robot.objects.catalogue import get_object
@@ -47,8 +47,7 @@ class Serving:
     item: str
     redis: str | None
     twin: str | None
-    left: str | None
-    right: str | None
+    robots: Robots | None
     camera: str | None
     lens: Path | None
     see_truth: bool
@@ -93,7 +92,8 @@ def serve(options: Serving, stop: threading.Event) -> None:
         if not options.unattended:
             stack.enter_context(StopEndpoint(gate.stop, options.stop_port))
         gate.prepare()
-        runner = EpisodeRunner(task, np.array(item.size), gate, world, hardware.clock, limits, person.preview)
+        size, release = np.array(item.size), person.operator.release
+        runner = EpisodeRunner(task, size, gate, world, hardware.clock, limits, person.preview, release)
         agent_id = f"robot-{socket.gethostname()}"
         bus = WorkerBus(connect(url), run, agent_id, kind="robot", lease_seconds=LEASE_SECONDS)
         stack.enter_context(bus)
@@ -105,9 +105,9 @@ def _hardware(stack: ExitStack, options: Serving, item: RobotObject, period: flo
         own = options.twin == OWN_TWIN
         twin = own_twin(stack, item) if own else distant_twin(stack, options.twin)
         return twin_hardware(stack, twin, period)
-    if options.left is None or options.right is None:
+    if options.robots is None:
         raise ConfigError("Name both robots: --left URL and --right URL.")
-    return robot_hardware(stack, options.left, options.right)
+    return robot_hardware(stack, options.robots)
 
 
 def _world(

@@ -10,6 +10,7 @@ from typing import NoReturn
 import numpy as np
 
 from taskschema.arrays import FloatArray
+from taskschema.kinematics.sawyer import rethink_gripper
 from taskschema.skills.pairs import ARMS
 from taskschema_robot.clock import Clock
 from taskschema_robot.drivers.driver import ArmDriver, ArmState
@@ -60,6 +61,7 @@ class SafetyGate:
         self._lock = threading.Lock()
         self._fault: Fault | None = None
         self._openings: list[float | None] = [None, None]
+        self._orders: list[float | None] = [None, None]
         self._opened_before = [0.0, 0.0]
         self._held_at: FloatArray | None = None
         self._watched = limits
@@ -137,7 +139,10 @@ class SafetyGate:
         await_stop(self._drivers, self._clock)
         for driver in self._drivers:
             make_ready(driver)
-        self._openings, self._held_at = [None, None], None
+        # A gripper that holds something is told nothing: it keeps it. Any other is told again.
+        grips = [state.gripper.gripping and self._is_closing(arm) for arm, state in enumerate(self.states())]
+        self._openings = [self._openings[arm] if grips[arm] else None for arm in (0, 1)]
+        self._orders, self._held_at = [None, None], None
         log.warning("%s acknowledged: %s", person, fault.reason)
         with self._lock:
             self._fault = None
@@ -218,12 +223,17 @@ class SafetyGate:
 
     def _waiting_gripper(self, states: Sequence[ArmState]) -> str | None:
         """Return whose gripper has not acknowledged its command, still moves, or did not obey."""
-        orders = zip(self._drivers, states, self._openings, self._opened_before, strict=True)
+        orders = zip(self._drivers, states, self._orders, self._opened_before, strict=True)
         for driver, state, opening, before in orders:
-            moving = not driver.gripper_acknowledged or state.gripper.moving
-            if moving or not obeyed(state.gripper, opening, before):
+            waiting = opening is not None and not driver.gripper_acknowledged
+            if waiting or state.gripper.moving or not obeyed(state.gripper, opening, before):
                 return driver.name
         return None
+
+    def _is_closing(self, arm: int) -> bool:
+        """Return whether a gripper was last told to close."""
+        opening = self._openings[arm]
+        return opening is not None and opening <= rethink_gripper().closed
 
     def _watch(self, recent: deque[FloatArray]) -> tuple[ArmState, ArmState]:
         """Return the states if everything is well; latch the fault and raise otherwise."""
@@ -265,7 +275,8 @@ class SafetyGate:
                 driver.set_gripper(opening)
             except RobotError as error:
                 self._fail(FaultKind.COMMAND, f"the {driver.name} gripper did not take a command: {error}")
-            self._openings[arm], self._opened_before[arm] = opening, driver.state().gripper.opening
+            self._openings[arm] = self._orders[arm] = opening
+            self._opened_before[arm] = driver.state().gripper.opening
 
     def _fail(self, kind: FaultKind, reason: str) -> NoReturn:
         self._latch(Fault(kind, reason, self._clock.now()))
