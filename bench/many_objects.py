@@ -147,7 +147,7 @@ def page(rows: list[Row]) -> str:
         "",
         f"On {machine()}, from states. `transferred`: with the heavy bar's schema, learned from states and",
         "frozen (`--init-schema SCHEMA.json --freeze-schema`); `from scratch`: schema and arguments learned.",
-        "`> N`: not within N episodes; `N so far`: interrupted there; -: not trained. `trainings.json` holds",
+        "`> N`: not within N episodes; -: not trained. `trainings.json` holds",
         "everything for a program.",
         "",
         f"| {' | '.join(heads)} |",
@@ -155,14 +155,14 @@ def page(rows: list[Row]) -> str:
     ]
     for thing in OBJECTS:
         medians = {way: _median(rows, thing, way) for way in (TRANSFERRED, FROM_SCRATCH)}
+        given, learned = medians[TRANSFERRED], medians[FROM_SCRATCH]
+        saved = "" if given is None or learned is None else f"{learned / given:.1f}"
         for way in (TRANSFERRED, FROM_SCRATCH):
             own = {row.seed: row for row in rows if (row.thing, row.way) == (thing, way)}
             cells = [_episodes(own.get(seed)) for seed in seeds]
-            ratio = ""
-            if way == FROM_SCRATCH and all(value is not None for value in medians.values()):
-                ratio = f"{medians[FROM_SCRATCH] / medians[TRANSFERRED]:.1f}"
             middle = medians[way]
-            words = [thing, way, *cells, "-" if middle is None else f"{middle:,.0f}", ratio]
+            words = [thing, way, *cells, "-" if middle is None else f"{middle:,.0f}"]
+            words.append(saved if way == FROM_SCRATCH else "")
             lines.append(f"| {' | '.join(words)} |")
     return "\n".join(lines) + "\n"
 
