@@ -102,6 +102,9 @@ class ImageConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     vgg_sha256: str | None = None
     """SHA-256 of the file with VGG's published weights (`--vgg-weights`); None: random ones."""
 
+    randomise_visuals: bool = False
+    """Whether colours, light and the camera's pose vary by episode (`--randomise-visuals`)."""
+
     def __post_init__(self) -> None:
         _require(self.vgg_sha256 is None or self.trunk == "vgg16", "image.trunk", "vgg16 with --vgg-weights")
 

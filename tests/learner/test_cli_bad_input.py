@@ -55,6 +55,7 @@ CASES = {
     "unknown policy": (["train", "toy", "--policy", "shema"], "Did you mean 'schema'?"),
     "unknown observation": (["train", "toy", "--observation", "sound"], "Valid: image, state"),
     "a trunk for states": (["train", "toy", "--trunk", "small"], "for --observation image"),
+    "looks for states": (["train", "toy", "--randomise-visuals"], "for --observation image"),
     "unknown trunk": (["train", "toy", "--observation", "image", "--trunk", "vgg"], "Did you mean 'vgg16'?"),
     "the baseline on images": (
         ["train", "toy", "--observation", "image", "--policy", "state"],

@@ -1,6 +1,7 @@
 """Frames as observations: what is seen, what is hidden, and that skills go where the table says."""
 
 import dataclasses
+from contextlib import closing
 
 import gymnasium
 import numpy as np
@@ -11,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 import taskschema_worker  # noqa: F401 - registers the environments
 from taskschema.errors import ConfigError, FrameError, UnknownNameError
-from taskschema.frames import check_alive, check_colour_order, check_frames
+from taskschema.frames import FRAME_SIZE, check_alive, check_colour_order, check_frames
 from taskschema.policies import ImagePolicy, PolicySnapshot
 from taskschema.randomness import EpisodeKey, Purpose, generator
 from taskschema.tasks.lateral_lifting import LateralLifting
@@ -20,6 +21,8 @@ from taskschema.trajectory import encode_slot
 from taskschema_learner.initial_weights import initial_spatial_weights
 from taskschema_worker.environments import make_environment
 from taskschema_worker.image_environment import ImageEnvironment, offset_arguments
+from taskschema_worker.rendering.looks import Looks
+from taskschema_worker.rendering.scene_renderer import SceneRenderer
 from taskschema_worker.rollout import collect_slots
 
 BAR = LateralLifting()
@@ -180,3 +183,46 @@ def test_an_episode_is_the_same_to_the_bit_on_any_number_of_threads():
             )
         found.append(encode_slot(slots[0]))
     assert found[0] == found[1]
+
+
+@needs_renderer
+def test_looks_vary_with_the_episode_and_change_nothing_else():
+    keys = [EpisodeKey(0, 0, 0, episode) for episode in range(3)]
+    plain = make_environment(BAR, observation="image")
+    varied = make_environment(BAR, observation="image", randomise_visuals=True)
+    with closing(plain), closing(varied):
+        first, frames, others = (
+            item.reset([generator(key, Purpose.RESET) for key in keys]) for item in (plain, varied, varied)
+        )
+        again = varied.reset([generator(keys[2], Purpose.RESET)])
+        arguments = BAR.image_pairs.to_si(np.zeros((1, BAR.image_pairs.argument_count)))
+        plain.reset([generator(keys[2], Purpose.RESET)])
+        steps = [item.step(np.array([0]), BAR.paper_pairs[:1], arguments) for item in (plain, varied)]
+    assert np.array_equal(frames, others)
+    assert np.array_equal(frames[2:], again)  # whoever shares its batch
+    for index in range(3):
+        assert np.abs(frames[index].astype(int) - first[index]).mean() > 3.0
+    colours = frames[:, 8:24, 8:24].mean(axis=(1, 2))  # a corner of the table
+    assert np.ptp(colours, axis=0).min() > 5.0
+    assert steps[0].physics_steps == steps[1].physics_steps
+    poses = [item._environment._simulation.positions[0] for item in (plain, varied)]
+    assert np.array_equal(*poses)
+
+
+@needs_renderer
+def test_the_extremes_of_the_looks_are_still_a_wooden_table_with_an_object_on_it():
+    with SceneRenderer(BAR, FRAME_SIZE, FRAME_SIZE) as renderer:
+        for end in (-1.0, 1.0):
+            ends = np.full(4, end) * np.array([1.0, -1.0, 1.0, 1.0])  # least red, most green and blue
+            lights = np.full((2, 4), end)
+            looks = Looks(ends, np.full(3, end), end, lights, end, np.full(6, end))
+            renderer.set_looks(looks)
+            frame = renderer.render(renderer.home_positions)
+            check_frames(frame[None])
+            check_colour_order(frame[None])
+            assert renderer.object_pixels(renderer.home_positions) > 500
+
+
+def test_a_task_that_draws_its_own_pictures_cannot_vary_them():
+    with pytest.raises(ConfigError, match="--randomise-visuals"):
+        make_environment(TOY, observation="image", randomise_visuals=True)

@@ -15,7 +15,7 @@ from taskschema.tasks.registry import task_of
 from taskschema.tasks.task import BatchEnvironment
 from taskschema.trajectory import Trajectory
 from taskschema_learner.run_folder import RunFolder
-from taskschema_worker.environments import make_environment
+from taskschema_worker.environments import environment_of
 from taskschema_worker.rollout import collect_slots
 
 HELD_OUT = 2**63
@@ -117,8 +117,8 @@ def held_out_episodes(
     drawing = policy_of(folder.config, task, snapshot)
     policy = MeanPolicy(drawing) if mean else drawing
     trajectories: list[Trajectory] = []
-    threads, observation = os.cpu_count() or 1, folder.config.observation
-    with closing(environment or make_environment(task, threads, observation)) as environment:
+    threads = os.cpu_count() or 1
+    with closing(environment or environment_of(folder.config, task, threads)) as environment:
         for start in range(0, episodes, EPISODES_AT_ONCE):
             slots = collect_slots(
                 environment,

@@ -13,7 +13,7 @@ from taskschema.trajectory import Trajectory
 from taskschema_learner.evaluation import newest_policy
 from taskschema_learner.learner import Learner
 from taskschema_learner.run_folder import RunFolder
-from taskschema_worker.environments import make_environment
+from taskschema_worker.environments import environment_of
 from taskschema_worker.rollout import collect_slots
 
 SLOTS_AT_ONCE = 10
@@ -58,7 +58,7 @@ def recompute(
     """
     task = task_of(config)
     learner = Learner(config, task, trunk=trunk)
-    with closing(make_environment(task, os.cpu_count() or 1, config.observation)) as environment:
+    with closing(environment_of(config, task, os.cpu_count() or 1)) as environment:
         for number in range(rounds):
             policy = policy_of(config, task, learner.snapshot())
             trajectories = [

@@ -17,7 +17,7 @@ from taskschema.tasks.task import Task
 from taskschema_learner.evaluation import HELD_OUT, newest_policy
 from taskschema_learner.plots import new_figure, save_figure
 from taskschema_learner.run_folder import RunFolder
-from taskschema_worker.environments import make_environment
+from taskschema_worker.environments import environment_of
 
 EXAMPLES = 3
 """Instances in one picture."""
@@ -49,7 +49,7 @@ def examples(folder: RunFolder, count: int = EXAMPLES) -> list[Example]:
     if not isinstance(policy, ImagePolicy):
         raise ConfigError(f"Run {folder.name} sees states: only runs on images have response maps.")
     keys = [EpisodeKey(folder.config.seed + HELD_OUT, 0, slot, 0) for slot in range(count)]
-    with closing(make_environment(task, 1, "image")) as environment:
+    with closing(environment_of(folder.config, task)) as environment:
         frames = environment.reset([generator(key, Purpose.RESET) for key in keys])
     maps = policy.response_maps(frames)
     return [Example(frame, pair) for frame, pair in zip(frames, maps, strict=True)]

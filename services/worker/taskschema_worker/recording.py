@@ -74,3 +74,7 @@ class RecordingEnvironment(SceneEnvironment):
 
 class SeenRecordingEnvironment(RecordingEnvironment, SeenSceneEnvironment):
     """The same, with the overhead camera that policies on images see through."""
+
+    def __init__(self, task: SceneTask, threads: int = 1, *, randomise_visuals: bool = False) -> None:
+        super().__init__(task, threads)
+        self._randomise_visuals = randomise_visuals

@@ -7,6 +7,7 @@ import numpy as np
 from taskschema.arrays import FloatArray, IntArray
 from taskschema.frames import FRAME_SHAPE, FRAME_SIZE, Frames
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
+from taskschema_worker.rendering.looks import Looks
 from taskschema_worker.rendering.scene_renderer import SceneRenderer
 from taskschema_worker.scene_environment import SceneEnvironment
 
@@ -14,15 +15,30 @@ from taskschema_worker.scene_environment import SceneEnvironment
 class SeenSceneEnvironment(SceneEnvironment):
     """N episodes of a scene task, each drawn when it is looked at; see `SeenEnvironment`.
 
+    Args:
+        task: whose scene it is.
+        threads: of the simulation.
+        randomise_visuals: whether every episode that starts from a generator has colours, light and a camera
+            pose of its own, drawn after its object: what is simulated is the same with and without.
+
     Raises:
         RenderingError: if nothing on this machine can draw; nothing else is started then.
 
     """
 
-    def __init__(self, task: SceneTask, threads: int = 1) -> None:
+    def __init__(self, task: SceneTask, threads: int = 1, *, randomise_visuals: bool = False) -> None:
         self._renderer = SceneRenderer(task, FRAME_SIZE, FRAME_SIZE)
         self._instances: list[ObjectInstance] = []
+        self._randomise_visuals = randomise_visuals
+        self._looks: list[Looks] = []
         super().__init__(task, threads)
+
+    def reset(self, generators: Sequence[np.random.Generator]) -> FloatArray:
+        """Start one episode per generator; see `BatchEnvironment`."""
+        observations = super().reset(generators)
+        if self._randomise_visuals:
+            self._looks = [self._renderer.draw_looks(generator) for generator in generators]
+        return observations
 
     def reset_to(self, instances: Sequence[ObjectInstance]) -> FloatArray:
         """Start one episode per given object instance; see `SceneEnvironment`."""
@@ -34,6 +50,8 @@ class SeenSceneEnvironment(SceneEnvironment):
         frames = np.empty((len(episodes), *FRAME_SHAPE), dtype=np.uint8)
         for row, episode in enumerate(episodes):
             self._renderer.set_object(self._instances[episode])
+            if self._looks:
+                self._renderer.set_looks(self._looks[episode])
             frames[row] = self._renderer.render(self._simulation.positions[episode])
         return frames
 

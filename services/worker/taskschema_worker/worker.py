@@ -9,7 +9,7 @@ from taskschema.errors import BusError
 from taskschema.policies import policy_of
 from taskschema.tasks.registry import task_of
 from taskschema.trajectory import Trajectory
-from taskschema_worker.environments import make_environment
+from taskschema_worker.environments import environment_of
 from taskschema_worker.rollout import collect_slots
 
 log = logging.getLogger("taskschema.worker")
@@ -32,7 +32,7 @@ class Worker:
         self._bus = bus
         self._config = bus.join()
         self._task = task_of(self._config)
-        self._environment = make_environment(self._task, threads, self._config.observation)
+        self._environment = environment_of(self._config, self._task, threads)
         self._undelivered: list[tuple[Lease, list[Trajectory]]] = []
 
     def run(self, stop: threading.Event) -> None:

@@ -31,6 +31,7 @@ def train(
     observation: option.Observation = "state",
     trunk: option.Trunk = "small",
     vgg_weights: option.VggWeights = None,
+    randomise_visuals: option.RandomiseVisuals = False,
     seed: option.Seed = 0,
     slots: option.Slots = 50,
     init_schema: option.InitSchema = None,
@@ -58,7 +59,7 @@ def train(
     """
     from taskschema.errors import ConfigError
     from taskschema_learner.api.transport import Tls
-    from taskschema_learner.cli.trunk import first_weights_sentence, read_trunk, with_trunk
+    from taskschema_learner.cli.image_options import first_weights_sentence, read_trunk, with_image_options
 
     if ray is not None and redis is None:
         raise ConfigError("--ray needs --redis: a cluster's workers cannot reach the Redis inside this run.")
@@ -74,7 +75,7 @@ def train(
         config = _new_config(task, task_file, agent)
     tls = Tls.of(api_tls_cert, api_tls_key)
     first_trunk = read_trunk(vgg_weights)
-    config = with_trunk(_with_options(config, given), given.get("trunk"), first_trunk)
+    config = with_image_options(_with_options(config, given), given, first_trunk)
     if config.observation == "image" and not resume:
         print(first_weights_sentence(config, vgg_weights))
 

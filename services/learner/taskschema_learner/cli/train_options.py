@@ -41,6 +41,14 @@ VggWeights = Annotated[
         rich_help_panel=_LEARN,
     ),
 ]
+RandomiseVisuals = Annotated[
+    bool,
+    typer.Option(
+        "--randomise-visuals",
+        help="With images: vary colours, light and the camera's pose from episode to episode.",
+        rich_help_panel=_LEARN,
+    ),
+]
 Seed = Annotated[
     int, typer.Option(help="A run's results follow from its config and seed.", rich_help_panel=_LEARN)
 ]

@@ -47,11 +47,14 @@ def run_episodes(folder: RunFolder, count: int, *, mean: bool) -> list[RecordedE
     """
     task = scene_of(task_of(folder.config))
     threads = os.cpu_count() or 1
-    on_images = folder.config.observation == "image"
-    recording = (SeenRecordingEnvironment if on_images else RecordingEnvironment)(task, threads)
-    environment: BatchEnvironment = recording
-    if isinstance(recording, SeenRecordingEnvironment):
+    visuals = folder.config.image.randomise_visuals
+    recording: RecordingEnvironment
+    environment: BatchEnvironment
+    if folder.config.observation == "image":
+        recording = SeenRecordingEnvironment(task, threads, randomise_visuals=visuals)
         environment = ImageEnvironment(task, recording)
+    else:
+        environment = recording = RecordingEnvironment(task, threads)
     held_out_episodes(folder, newest_policy(folder), count, mean=mean, environment=environment)
     return recording.episodes
 

@@ -13,6 +13,7 @@ from taskschema.tasks.scene_task import ObjectInstance, SceneTask
 from taskschema_worker.object_model import ObjectModel
 from taskschema_worker.rendering.backend import new_context
 from taskschema_worker.rendering.frame import Frame
+from taskschema_worker.rendering.looks import Looks, LooksModel
 from taskschema_worker.rendering.seen_geoms import SeenGeoms
 from taskschema_worker.rendering.visual_scene import visual_model
 from taskschema_worker.simulation import SceneIndices
@@ -59,6 +60,7 @@ class SceneRenderer:
         self._view.type = mujoco.mjtCamera.mjCAMERA_FIXED
         self._view.fixedcamid = self._model.camera(camera).id
         self._seen = None if fine or width != height else SeenGeoms(self._model, self._view.fixedcamid)
+        self._looks = LooksModel(self._model, self._view.fixedcamid)
         self._options = mujoco.MjvOption()
         self._scene = mujoco.MjvScene(self._model, MOST_GEOMS)
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
@@ -77,6 +79,14 @@ class SceneRenderer:
     def set_object(self, instance: ObjectInstance) -> None:
         """Draw this episode's object from now on: its size counts, its mass is not seen."""
         self._object.write(self._instance, instance)
+
+    def draw_looks(self, generator: np.random.Generator) -> Looks:
+        """Draw colours, light and camera pose of an episode."""
+        return self._looks.draw(generator)
+
+    def set_looks(self, looks: Looks) -> None:
+        """Draw with these colours, light and camera pose from now on."""
+        self._looks.write(self._instance, looks)
 
     def render(self, positions: AnyArray) -> Frame:
         """Draw a state of the simulation, given as `qpos` [nq], into a new frame."""

@@ -1,7 +1,8 @@
-"""What `taskschema train` is told about the trunk of a network that sees images."""
+"""What `taskschema train` is told about images: the trunk of the network that sees them, and their looks."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from taskschema.config import RunConfig
@@ -22,8 +23,10 @@ def read_trunk(vgg_weights: Path | None) -> "TrunkWeights | None":
     return read_vgg_weights(vgg_weights)
 
 
-def with_trunk(config: "RunConfig", trunk: str | None, weights: "TrunkWeights | None") -> "RunConfig":
-    """Return the config with the trunk that was asked for; published weights imply VGG16.
+def with_image_options(
+    config: "RunConfig", given: Mapping[str, Any], weights: "TrunkWeights | None"
+) -> "RunConfig":
+    """Return the config with the trunk and the looks that were asked for; published weights imply VGG16.
 
     Raises:
         TaskschemaError: if there is no such trunk, or states have no use for one.
@@ -34,15 +37,18 @@ def with_trunk(config: "RunConfig", trunk: str | None, weights: "TrunkWeights | 
     from taskschema.errors import ConfigError, UnknownNameError
     from taskschema.policies.spatial_trunk import TRUNKS
 
-    if trunk is None and weights is None:
-        return config
-    if config.observation != "image":
-        raise ConfigError("--trunk and --vgg-weights are for --observation image.")
-    name = trunk or "vgg16"
-    if name not in TRUNKS:
-        raise UnknownNameError("trunk", name, TRUNKS)
-    image = {"trunk": name, "vgg_sha256": weights.sha256 if weights else config.image.vgg_sha256}
-    return msgspec.structs.replace(config, image=msgspec.structs.replace(config.image, **image))
+    changes: dict[str, Any] = {}
+    if "randomise_visuals" in given:
+        changes["randomise_visuals"] = given["randomise_visuals"]
+    if weights is not None:
+        changes |= {"trunk": "vgg16", "vgg_sha256": weights.sha256}
+    if "trunk" in given:
+        changes["trunk"] = given["trunk"]
+        if given["trunk"] not in TRUNKS:
+            raise UnknownNameError("trunk", given["trunk"], TRUNKS)
+    if changes and config.observation != "image":
+        raise ConfigError("--trunk, --vgg-weights and --randomise-visuals are for --observation image.")
+    return msgspec.structs.replace(config, image=msgspec.structs.replace(config.image, **changes))
 
 
 def first_weights_sentence(config: "RunConfig", vgg_weights: Path | None) -> str:
