@@ -25,10 +25,14 @@ class MixedPath:
         self.final_joints[rows] = path.joints[:, -1]
         self._parts.append((rows, path))
 
-    def sample(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return joints, velocities and openings of all arms at `times`; see `ArmPath.sample`."""
-        shape = (len(self.duration), len(times))
+    def sample(self, times: FloatArray, arms: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return joints, velocities and openings of the chosen arms [K] at `times`; see `ArmPath.sample`."""
+        shape = (len(arms), len(times))
         joints, velocities, opening = np.empty((*shape, 7)), np.empty((*shape, 7)), np.empty(shape)
+        place = np.full(len(self.duration), -1)
+        place[arms] = np.arange(len(arms))
         for rows, path in self._parts:
-            joints[rows], velocities[rows], opening[rows] = path.sample(times)
+            chosen = np.flatnonzero(place[rows] >= 0)
+            to = place[rows[chosen]]
+            joints[to], velocities[to], opening[to] = path.sample(times, chosen)
         return joints, velocities, opening

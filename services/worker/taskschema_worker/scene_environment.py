@@ -120,15 +120,18 @@ class SceneEnvironment:
         success = np.zeros(len(episodes), dtype=bool)
         diverged = np.zeros(len(episodes), dtype=bool)
         steps = np.zeros(len(episodes), dtype=np.int64)
+        place = np.empty(len(episodes), dtype=np.int64)
         for chunk in range(chunks.max(initial=0)):
-            if chunk % STRETCH_CHUNKS == 0:
-                stretch = min(STRETCH_CHUNKS, chunks.max() - chunk) * size
-                controls = self._controls(paths, chunk * size, stretch)
             rows = np.flatnonzero((chunks > chunk) & ~success & ~diverged)
             if not len(rows):
                 break
+            if chunk % STRETCH_CHUNKS == 0:
+                stretch = min(STRETCH_CHUNKS, chunks.max() - chunk) * size
+                controls = self._controls(paths, rows, chunk * size, stretch)
+                place[rows] = np.arange(len(rows))
             first = chunk % STRETCH_CHUNKS * size
-            advance = self._simulation.advance(episodes[rows], controls[rows, first : first + size])
+            part = controls[place[rows], first : first + size]
+            advance = self._simulation.advance(episodes[rows], part)
             reached = self._task.goal_reached(self._start[episodes[rows]], advance.object_poses)
             if self.measure_distance:
                 distance = self._task.goal_distance(self._start[episodes[rows]], advance.object_poses)
@@ -138,11 +141,12 @@ class SceneEnvironment:
             steps[rows] += size
         return success, diverged, steps
 
-    def _controls(self, paths: MixedPath, first: int, steps: int) -> FloatArray:
-        """Return the simulator's controls [M, S, nu] for S physics steps of both arms' paths."""
+    def _controls(self, paths: MixedPath, rows: IntArray, first: int, steps: int) -> FloatArray:
+        """Return the simulator's controls [K, S, nu] for S physics steps of both arms' paths of K episodes."""
         number: FloatArray = np.arange(first, first + steps, dtype=np.float64) + 1
-        joints, velocities, opening = paths.sample(number * self._simulation.timestep)
-        count = len(joints) // 2
+        arms = np.concatenate([rows, rows + len(paths.duration) // 2])
+        joints, velocities, opening = paths.sample(number * self._simulation.timestep, arms)
+        count = len(rows)
         controls = np.empty((count, steps, self._simulation.control_count))
         for arm, half in enumerate((slice(None, count), slice(count, None))):
             self._simulation.controls(arm, joints[half], velocities[half], opening[half], out=controls)

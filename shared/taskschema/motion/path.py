@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from taskschema.arrays import BoolArray, FloatArray
+from taskschema.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,29 +57,49 @@ class ArmPath:
         end = ArmPath(seconds[:, None], start.joints, start.velocities, start.opening)
         return self.then(start).then(end)
 
-    def sample(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return joints and their velocities [N, S, 7] and gripper set-points [N, S] at `times` [S]."""
-        index = np.stack([np.searchsorted(row, times, side="right") for row in self.times]) - 1
-        knots, count = self.times.shape[1], self.joints.shape[2]
-        interval = index + np.arange(len(self.times))[:, None] * knots
-        span = np.diff(self.times, axis=1, append=np.inf)
-        # An interval of no duration is passed at once, and after the last knot the path holds.
-        moving = (span > 0.0) & (span < np.inf)
-        span = np.where(moving, span, 1.0)
+    def sample(
+        self, times: FloatArray, rows: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return joints and their velocities [N, S, 7] and gripper set-points [N, S].
+
+        Args:
+            times: [S] never decreasing [s].
+            rows: [N] episodes; None: all.
+
+        """
+        span, moving, cubics = self._cubics
+        chosen = np.arange(len(self.times)) if rows is None else rows
+        knots, count = self.joints.shape[1:]
+        interval = _last_knots(self.times[chosen], times) + chosen[:, None] * knots
         u = np.where(moving.take(interval), (times - self.times.take(interval)) / span.take(interval), 0.0)
-        coefficients = self._coefficients(span, moving).reshape(-1, 4 * count).take(interval, axis=0)
+        coefficients = cubics.reshape(-1, 4 * count).take(interval, axis=0)
         c0, c1, c2, c3 = (coefficients[..., part * count : (part + 1) * count] for part in range(4))
         u = u[:, :, None]
         joints = ((c3 * u + c2) * u + c1) * u + c0
         velocities = ((3.0 * c3 * u + 2.0 * c2) * u + c1) / span.take(interval)[:, :, None]
         return joints, velocities, self.opening.take(interval)
 
-    def _coefficients(self, span: FloatArray, moving: BoolArray) -> FloatArray:
-        """Return cubics [N, P, 4, 7] from each knot on, in the share of its `span` [N, P] that has passed."""
+    @cached_property
+    def _cubics(self) -> tuple[FloatArray, BoolArray, FloatArray]:
+        """Durations [N, P] from each knot on [s], whether it moves then, and cubics [N, P, 4, 7] in their share.
+
+        An interval of no duration is passed at once, and after the last knot the path holds.
+        """
+        span = np.diff(self.times, axis=1, append=np.inf)
+        moving = (span > 0.0) & (span < np.inf)
+        span = np.where(moving, span, 1.0)
         p0, m0 = self.joints, self.velocities * span[:, :, None]
         change, m1 = np.zeros_like(p0), np.zeros_like(p0)
         change[:, :-1] = np.diff(p0, axis=1)
         m1[:, :-1] = self.velocities[:, 1:] * span[:, :-1, None]
         cubics = np.stack([p0, m0, 3.0 * change - 2.0 * m0 - m1, m0 + m1 - 2.0 * change], axis=2)
         cubics[:, :, 1:] *= moving[:, :, None, None]
-        return cubics
+        return span, moving, cubics
+
+
+def _last_knots(knots: FloatArray, times: FloatArray) -> IntArray:
+    """Return the last of each row's knots [N, P] that is passed at each of `times` [S]: [N, S]."""
+    rows, samples = len(knots), len(times)
+    first = np.searchsorted(times, knots) + np.arange(rows)[:, None] * (samples + 1)
+    passed = np.bincount(first.ravel(), minlength=rows * (samples + 1)).reshape(rows, samples + 1)
+    return np.cumsum(passed[:, :samples], axis=1) - 1

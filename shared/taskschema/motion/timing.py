@@ -65,8 +65,8 @@ def fastest_path(
     # Rows whose waypoints coincide do not move and take no time.
     still = np.abs(steps).max(axis=(1, 2)) < SHORTEST_SEGMENT
     times[still] = 0.0
-    joints = np.concatenate([angles[:, :, 0], angles[:, -1:, 1]], axis=1)
-    velocities = np.concatenate([slopes[:, :, 0], slopes[:, -1:, 1]], axis=1) * speed[:, :, None]
+    joints = np.concatenate([_starts(angles), angles[:, -1, -1:]], axis=1)
+    velocities = np.concatenate([_starts(slopes), slopes[:, -1, -1:]], axis=1) * speed[:, :, None]
     velocities[still] = 0.0
     stretch = _stretch(arm, times, joints, velocities)
     return ArmPath(
@@ -138,12 +138,11 @@ def _harmonic_mean(left: FloatArray, right: FloatArray) -> FloatArray:
 def _spline(
     waypoints: FloatArray, tangents: FloatArray, lengths: FloatArray, grid: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return angles and two derivatives by length at both ends of the grid's intervals [N, I, 2, 7]."""
-    count, knots, joints = waypoints.shape
-    u = np.stack([np.arange(grid) / grid, (np.arange(grid) + 1) / grid], axis=1)[None, None, :, :, None]
-    p0, p1 = waypoints[:, :-1, None, None, :], waypoints[:, 1:, None, None, :]
-    m0, m1 = tangents[:, :-1, None, None, :], tangents[:, 1:, None, None, :]
-    length = lengths[:, :, None, None, None]
+    """Return angles and two derivatives by length at the grid's points, per segment [N, K - 1, grid + 1, 7]."""
+    u = (np.arange(grid + 1) / grid)[:, None]
+    p0, p1 = waypoints[:, :-1, None], waypoints[:, 1:, None]
+    m0, m1 = tangents[:, :-1, None], tangents[:, 1:, None]
+    length = lengths[:, :, None, None]
     difference = p1 - p0
     square, cube = u * u, u * u * u
     angles = (
@@ -155,8 +154,17 @@ def _spline(
         6 * (u - square) * difference / length + (3 * square - 4 * u + 1) * m0 + (3 * square - 2 * u) * m1
     )
     bends = (6 * (1 - 2 * u) * difference / length + (6 * u - 4) * m0 + (6 * u - 2) * m1) / length
-    shape = (count, (knots - 1) * grid, 2, joints)
-    return angles.reshape(shape), slopes.reshape(shape), bends.reshape(shape)
+    return angles, slopes, bends
+
+
+def _starts(points: FloatArray) -> FloatArray:
+    """Return what stands at the start of each of the I intervals [N, I, ...], of the points of segments."""
+    return points[:, :, :-1].reshape(len(points), -1, *points.shape[3:])
+
+
+def _ends(points: FloatArray) -> FloatArray:
+    """Return what stands at the end of each interval; see `_starts`."""
+    return points[:, :, 1:].reshape(len(points), -1, *points.shape[3:])
 
 
 def _squared_speeds(
@@ -169,19 +177,19 @@ def _squared_speeds(
         ((velocity / slope) ** 2).min(axis=3), (CURVATURE_FRACTION * acceleration / bend).min(axis=3)
     )
     ceiling = np.empty((len(spacing), spacing.shape[1] + 1))
-    ceiling[:, 1:-1] = np.minimum(top[:, 1:, 0], top[:, :-1, 1])
+    ceiling[:, 1:-1] = np.minimum(_starts(top)[:, 1:], _ends(top)[:, :-1])
     ceiling[:, 0] = ceiling[:, -1] = 0.0
     ceiling = np.minimum(ceiling, limits.speed**2)
-    # What each interval allows at rest, and how much less at speed: [I, N, 7], an interval's rows together.
-    steepest = slope.max(axis=2)
-    room = np.ascontiguousarray(np.swapaxes(acceleration / steepest, 0, 1))
-    taken = np.ascontiguousarray(np.swapaxes(bend.max(axis=2) / steepest, 0, 1))
+    # What each interval allows at rest, and how much less at speed: [I, 7, N], an interval's values together.
+    steepest = np.maximum(_starts(slope), _ends(slope))
+    room = np.ascontiguousarray((acceleration / steepest).transpose(1, 2, 0))
+    taken = np.ascontiguousarray((np.maximum(_starts(bend), _ends(bend)) / steepest).transpose(1, 2, 0))
     squared, doubled = np.ascontiguousarray(ceiling.T), 2.0 * np.ascontiguousarray(spacing.T)
     intervals = range(len(doubled))
     for passage, start, end in ((intervals, 0, 1), (intervals[::-1], 1, 0)):
         for interval in passage:
             now, reach = squared[interval + start], squared[interval + end]
-            change = (room[interval] - taken[interval] * now[:, None]).min(axis=1)
+            change = (room[interval] - taken[interval] * now).min(axis=0)
             change = np.minimum(np.maximum(change, 0.0), limits.acceleration)
             np.minimum(reach, now + doubled[interval] * change, out=reach)
     return squared.T
