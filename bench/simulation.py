@@ -54,7 +54,7 @@ def recorded_motion(task: LateralLifting, environment: SceneEnvironment) -> tupl
         arguments = task.expert_arguments(observations, step)
         paths = environment.plan(row, np.array([pair]), arguments)
         times = np.arange(1, round(paths.duration.max() * CONTROL_RATE) + 1) / CONTROL_RATE
-        both_joints, _, both_openings = paths.sample(times, np.arange(2))
+        both_joints, _, both_openings = paths.sample(times)
         joints.append(np.swapaxes(both_joints, 0, 1))
         openings.append(both_openings.T)
         observations = environment.step(row, np.array([pair]), arguments).observations

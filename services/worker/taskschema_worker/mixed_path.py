@@ -25,8 +25,12 @@ class MixedPath:
         self.final_joints[rows] = path.joints[:, -1]
         self._parts.append((rows, path))
 
-    def sample(self, times: FloatArray, arms: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return joints, velocities and openings of the chosen arms [K] at `times`; see `ArmPath.sample`."""
+    def sample(
+        self, times: FloatArray, arms: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return joints, velocities and openings of the chosen arms, or all; see `ArmPath.sample`."""
+        if arms is None:
+            arms = np.arange(len(self.duration))
         shape = (len(arms), len(times))
         joints, velocities, opening = np.empty((*shape, 7)), np.empty((*shape, 7)), np.empty(shape)
         place = np.full(len(self.duration), -1)

@@ -142,7 +142,7 @@ class SceneEnvironment:
         return success, diverged, steps
 
     def _controls(self, paths: MixedPath, rows: IntArray, first: int, steps: int) -> FloatArray:
-        """Return the simulator's controls [K, S, nu] for S physics steps of both arms' paths of K episodes."""
+        """Return the simulator's controls [K, S, nu] for S physics steps of K episodes' paths."""
         number: FloatArray = np.arange(first, first + steps, dtype=np.float64) + 1
         arms = np.concatenate([rows, rows + len(paths.duration) // 2])
         joints, velocities, opening = paths.sample(number * self._simulation.timestep, arms)

@@ -81,7 +81,7 @@ class ArmPath:
 
     @cached_property
     def _cubics(self) -> tuple[FloatArray, BoolArray, FloatArray]:
-        """Durations [N, P] from each knot on [s], whether it moves then, and cubics [N, P, 4, 7] in their share.
+        """Durations [N, P] from each knot on [s], whether it moves, and cubics [N, P, 4, 7] in their share.
 
         An interval of no duration is passed at once, and after the last knot the path holds.
         """

@@ -138,7 +138,7 @@ def _harmonic_mean(left: FloatArray, right: FloatArray) -> FloatArray:
 def _spline(
     waypoints: FloatArray, tangents: FloatArray, lengths: FloatArray, grid: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return angles and two derivatives by length at the grid's points, per segment [N, K - 1, grid + 1, 7]."""
+    """Return angles and two derivatives by length at the segments' grid points [N, K - 1, grid + 1, 7]."""
     u = (np.arange(grid + 1) / grid)[:, None]
     p0, p1 = waypoints[:, :-1, None], waypoints[:, 1:, None]
     m0, m1 = tangents[:, :-1, None], tangents[:, 1:, None]
