@@ -46,8 +46,11 @@ def measure(stack: Stack, workers: int) -> str:
     started = time.monotonic()
     stack.compose("up", "-d", "--no-build", "--scale", f"worker={workers}")
     created = time.monotonic() - started
-    stack.workers_become(workers)
+    stack.wait(lambda: stack.version() >= 0, f"run {RUN}")
+    stack.post(f"/runs/{RUN}/pause")  # or the first workers make more rounds than can be compared
+    join(stack, workers, started)
     joined = time.monotonic() - started
+    stack.post(f"/runs/{RUN}/resume")
     stack.rounds_pass(2)
     held = {name: in_bytes(size) for name, size in stack.memory().items()}
     each = sorted(size for name, size in held.items() if name.startswith("worker"))
@@ -64,6 +67,21 @@ def measure(stack: Stack, workers: int) -> str:
         f"{sum(held.values()) / 2**30:.1f} GiB; {a_round:.1f} s a round; "
         f"hash {here[:12]} after {rounds} rounds equals the embedded run's"
     )
+
+
+def join(stack: Stack, workers: int, started: float) -> None:
+    """Wait until so many workers live, and tell of each ten."""
+    told = 0
+
+    def all_live() -> bool:
+        nonlocal told
+        live = stack.live_workers()
+        if live // 10 > told // 10:
+            print(f"  {live} workers after {time.monotonic() - started:.0f} s", flush=True)
+            told = live
+        return live == workers
+
+    stack.wait(all_live, f"{workers} workers")
 
 
 def in_bytes(size: str) -> float:

@@ -44,7 +44,7 @@ class Stack:
             "TASKSCHEMA_RUN": RUN,
             "TASKSCHEMA_OPTIONS": "--until-success 0",
             "TASKSCHEMA_ROBOT_RUN": ROBOT_RUN,
-            "TASKSCHEMA_ROBOT_OPTIONS": f"--until-success 0 --slots {ROBOT_SLOTS}",
+            "TASKSCHEMA_ROBOT_OPTIONS": f"--until-success 0 --slots {ROBOT_SLOTS} --set ppo.minibatches=1",
             "TORCH_INDEX_URL": os.environ.get("TORCH_INDEX_URL", ""),
         }
         lines = [line for line in settings.splitlines() if line.partition("=")[0] not in own]

@@ -19,6 +19,8 @@ from taskschema_learner.run_folder import RunFolder
 
 CONTROL_PORT = 9190
 """The twin's, in its own network."""
+PATIENCE_SECONDS = 240.0
+"""For what takes seconds on an idle machine."""
 PROFILE = ("robot-twin", "robot-learner", "robot")
 
 
@@ -89,6 +91,7 @@ def _default(value: str) -> str:
     return settings().get(name, value)
 
 
+@pytest.mark.timeout(900)
 def test_episodes_of_the_twin_reach_the_learner(server: RoleRedis, tmp_path: Path) -> None:
     run = settings()["TASKSCHEMA_ROBOT_RUN"]
     records = RunRecords(server.client("learner"))
@@ -96,15 +99,15 @@ def test_episodes_of_the_twin_reach_the_learner(server: RoleRedis, tmp_path: Pat
         profile = Profile(stack, server, tmp_path)
         assert not profile.is_healthy("robot-twin")
         profile.start("robot-twin")
-        options = "--slots 2 --rounds 2 --until-success 0"
+        options = "--slots 2 --rounds 2 --until-success 0 --set ppo.minibatches=1"
         learner = profile.start("robot-learner", TASKSCHEMA_OPTIONS=options)
-        wait_until(lambda: run in records.runs(), seconds=120)
-        wait_until(lambda: profile.is_healthy("robot-twin"), seconds=60)
+        wait_until(lambda: run in records.runs(), seconds=PATIENCE_SECONDS)
+        wait_until(lambda: profile.is_healthy("robot-twin"), seconds=PATIENCE_SECONDS)
         assert not profile.is_healthy("robot")
         agent = profile.start("robot")
-        wait_until(lambda: profile.is_healthy("robot") or agent.poll() is not None, seconds=60)
-        assert learner.wait(180) == 0, profile.log("robot-learner").read_text()
-        assert agent.wait(30) == 0, profile.log("robot").read_text()
+        wait_until(lambda: profile.is_healthy("robot") or agent.poll() is not None, seconds=PATIENCE_SECONDS)
+        assert learner.wait(PATIENCE_SECONDS) == 0, profile.log("robot-learner").read_text()
+        assert agent.wait(PATIENCE_SECONDS) == 0, profile.log("robot").read_text()
     folder = RunFolder.open(tmp_path / "runs" / run)
     assert [row.episodes for row in folder.read_metrics()] == [2, 4]
     assert (tmp_path / "episodes" / run / "episodes.csv").read_text().count("\n") == 5

@@ -71,6 +71,17 @@ def test_schema_policy_trains_network_and_logits() -> None:
     assert all(np.isfinite(value) for value in vars(statistics).values())
 
 
+def test_a_round_of_fewer_steps_than_minibatches_is_learned_from() -> None:
+    config = RunConfig(task="toy", slots=1, episodes_per_slot=1, ppo=PPOConfig(minibatches=10))
+    learner = Learner(config, TOY)
+    before = learner.snapshot()
+    statistics = learner.update(with_successes(learner, config))
+    assert all(np.isfinite(value) for value in vars(statistics).values())
+    after = learner.snapshot().weights
+    # Advantages of minibatches of one are nothing when normalised, so that the critic alone moves.
+    assert not np.array_equal(before.weights["value.weight"], after["value.weight"])
+
+
 def test_ppo_never_touches_the_logits() -> None:
     frozen = SchemaConfig(frozen=True, initial_logits=tuple(tuple(range(9)) for _ in range(3)))
     learner = Learner(msgspec.structs.replace(SMALL, schema=frozen), TOY)

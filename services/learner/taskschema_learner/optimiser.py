@@ -144,7 +144,8 @@ def _like(array: FloatArray, flat: Tensor) -> Tensor:
 
 
 def _split(samples: Samples, order: Tensor, parts: int) -> list[Samples]:
-    """Return the samples in this order, in so many parts of sizes as equal as they can be."""
+    """Return the samples in this order, in so many parts of sizes as equal as they can be; none is empty."""
+    parts = min(parts, len(order))
     shuffled = {
         name: value.index_select(0, order).tensor_split(parts) for name, value in vars(samples).items()
     }
