@@ -1,8 +1,8 @@
 """Whether the safety gate refuses what works: `python -m bench.gate_strictness lateral-lifting`.
 
-Simulates episodes of a policy without a gate, and puts the plans of those that succeed through the gate's checks
-before a motion, from the very states that they began in. A plan that the gate refuses and that led to a success
-is one that a robot could not have learned from.
+Simulates episodes of the initial policy without a gate, and puts the plans of those that succeed through the
+gate's checks before a motion, from the very states that they began in. A plan that the gate refuses and that
+led to a success is one that a robot could not have learned from.
 """
 
 import argparse
@@ -128,8 +128,8 @@ def main() -> None:
                     print(f"{one.kind}: {one.reason}, {one.time:.2f} s after its start")
     whose = "episodes" if arguments.all else "successes"
     print(
-        f"{machine()}: {arguments.episodes} episodes of {task.name}; of {episodes} {whose} with {plans} plans,"
-        f" {spoiled} have one that is refused: {dict(kinds)}; first steps: {dict(first_steps)}"
+        f"{machine()}: {arguments.episodes} episodes of {task.name}; of {episodes} {whose} with {plans} plans, "
+        f"{spoiled} have one that is refused: {dict(kinds)}; first steps: {dict(first_steps)}"
     )
 
 
