@@ -161,6 +161,6 @@ def test_places_on_the_table_become_offsets_from_the_object():
     arguments = space.to_si(np.full((1, space.argument_count), 0.5, dtype=np.float32))[0]
     pose = np.array([0.03, -0.02, 0.01, 1.0, 0.0, 0.0, 0.0])
     offsets = observer(GREY).skill_arguments(arguments, pose)
-    column = TASK.pairs.columns(0, TASK.pairs.skill_names.index("top_grasp")).start
-    there = space.columns(0, TASK.pairs.skill_names.index("top_grasp")).start
+    grasp = [skill.name for skill in TASK.pairs.skills].index("top_grasp")
+    column, there = TASK.pairs.columns(0, grasp).start, space.columns(0, grasp).start
     np.testing.assert_allclose(offsets[column : column + 2], arguments[there : there + 2] - pose[:2])
