@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from taskschema.arrays import FloatArray, IntArray
-from taskschema.config import NetworkConfig, RunConfig
+from taskschema.config import RunConfig
 from taskschema.kinematics.sawyer import rethink_gripper
 from taskschema.policies import ActingPolicy, policy_of
 from taskschema.tasks.registry import get_task
@@ -113,14 +113,12 @@ def main() -> None:
     parser.add_argument("task")
     parser.add_argument("--episodes", type=int, default=4000)
     parser.add_argument("--run", type=Path, help="folder of a run, whose newest policy acts")
-    parser.add_argument("--initial-log-std", type=float, default=NetworkConfig().initial_log_std)
     parser.add_argument("--touching", action="store_true", help="allow everything but contact")
     parser.add_argument("--all", action="store_true", help="check failures' plans, too, not successes' only")
     arguments = parser.parse_args()
     task = get_task(arguments.task)
     assert isinstance(task, SceneTask)
-    network = NetworkConfig(initial_log_std=arguments.initial_log_std)
-    config = RunConfig(task=arguments.task, policy="oracle", network=network)
+    config = RunConfig(task=arguments.task, policy="oracle")
     snapshot = Learner(config, task).snapshot()
     if arguments.run is not None:
         folder = RunFolder.open(arguments.run)
