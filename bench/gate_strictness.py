@@ -1,14 +1,16 @@
 """Whether the safety gate refuses what works: `python -m bench.gate_strictness lateral-lifting`.
 
-Simulates episodes of a policy without a gate, and puts the plans of those that succeed through the gate's checks
-before a motion, from the very states that they began in. A plan that the gate refuses and that led to a success
-is one that a robot could not have learned from.
+Simulates episodes of the initial policy, or a run's, without a gate, and puts the plans of those that succeed
+through the gate's checks before a motion, from the very states that they began in. A plan that is refused
+and that led to a success is one that a robot could not have learned from. With `--touching` only contact is
+refused: what no clearance has to do with.
 """
 
 import argparse
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -19,8 +21,10 @@ from taskschema.policies import ActingPolicy, policy_of
 from taskschema.tasks.registry import get_task
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
 from taskschema.tasks.task import StepResult
+from taskschema_learner.evaluation import newest_policy
 from taskschema_learner.learner import Learner
 from taskschema_learner.machine import machine
+from taskschema_learner.run_folder import RunFolder
 from taskschema_robot.agent.skill_step import StepPlanner
 from taskschema_robot.drivers.driver import ArmState, GripperState
 from taskschema_robot.safety.limits import SafetyLimits
@@ -31,6 +35,10 @@ from taskschema_worker.rollout import collect_slots
 from taskschema_worker.scene_environment import SceneEnvironment
 
 BATCH = 200
+TOUCHING = dict.fromkeys(
+    ("sweep_resolution", "arm_clearance", "self_clearance", "table_clearance", "finger_clearance"), 0.0005
+)
+"""Limits that only contact breaks [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,13 +112,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("task")
     parser.add_argument("--episodes", type=int, default=4000)
+    parser.add_argument("--run", type=Path, help="folder of a run, whose newest policy acts")
+    parser.add_argument("--touching", action="store_true", help="allow everything but contact")
     parser.add_argument("--all", action="store_true", help="check failures' plans, too, not successes' only")
     arguments = parser.parse_args()
     task = get_task(arguments.task)
     assert isinstance(task, SceneTask)
     config = RunConfig(task=arguments.task, policy="oracle")
-    policy = policy_of(config, task, Learner(config, task).snapshot())
-    trial, environment = GateTrial(task, SafetyLimits(period=0.02)), NotedEnvironment(task)
+    snapshot = Learner(config, task).snapshot()
+    if arguments.run is not None:
+        folder = RunFolder.open(arguments.run)
+        config, snapshot = folder.config, newest_policy(folder)
+    policy = policy_of(config, task, snapshot)
+    limits = SafetyLimits(period=0.02, **(TOUCHING if arguments.touching else {}))
+    trial, environment = GateTrial(task, limits), NotedEnvironment(task)
     episodes, plans, kinds, spoiled = 0, 0, Counter[str](), 0
     first_steps = Counter[str]()
     for round_index in range(arguments.episodes // BATCH):
@@ -128,8 +143,8 @@ def main() -> None:
                     print(f"{one.kind}: {one.reason}, {one.time:.2f} s after its start")
     whose = "episodes" if arguments.all else "successes"
     print(
-        f"{machine()}: {arguments.episodes} episodes of {task.name}; of {episodes} {whose} with {plans} plans,"
-        f" {spoiled} have one that is refused: {dict(kinds)}; first steps: {dict(first_steps)}"
+        f"{machine()}: {arguments.episodes} episodes of {task.name}; of {episodes} {whose}, {plans} plans, "
+        f"{spoiled} have one that is refused: {dict(kinds)}; first steps: {dict(first_steps)}"
     )
 
 

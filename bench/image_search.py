@@ -15,10 +15,10 @@ from taskschema.arrays import FloatArray
 from taskschema.randomness import EpisodeKey, Purpose, generator
 from taskschema.tasks.registry import get_task
 from taskschema.tasks.scene_task import SceneTask
+from taskschema.tasks.table_arguments import offset_arguments
 from taskschema_learner.evaluation import wilson
 from taskschema_learner.machine import machine
 from taskschema_worker.audit.episodes import BATCH, run_schema
-from taskschema_worker.image_environment import offset_arguments
 from taskschema_worker.scene_environment import SceneEnvironment
 
 

@@ -108,6 +108,14 @@ def test_a_fault_needs_a_name(tmp_path):
     assert "does not count" in terminal.text
 
 
+def test_hands_open_once_a_person_has_taken_what_they_hold(tmp_path):
+    terminal = Terminal(tmp_path, lines=[""])
+    terminal.operator.release("the held object would be pressed 2.0 cm too deep")
+    assert "too deep" in terminal.text
+    assert "TAKE THE OBJECT" in terminal.text
+    assert terminal.questions == ["Press Enter when you hold it: "]
+
+
 def test_a_reset_is_asked_for_with_a_picture(tmp_path):
     item = get_object("heavy-bar")
     terminal = Terminal(tmp_path, lines=[""])

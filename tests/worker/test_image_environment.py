@@ -17,10 +17,11 @@ from taskschema.policies import ImagePolicy, PolicySnapshot
 from taskschema.randomness import EpisodeKey, Purpose, generator
 from taskschema.tasks.lateral_lifting import LateralLifting
 from taskschema.tasks.registry import get_task
+from taskschema.tasks.table_arguments import offset_arguments
 from taskschema.trajectory import encode_slot
 from taskschema_learner.initial_weights import initial_spatial_weights
 from taskschema_worker.environments import make_environment
-from taskschema_worker.image_environment import ImageEnvironment, offset_arguments
+from taskschema_worker.image_environment import ImageEnvironment
 from taskschema_worker.rendering.looks import Looks
 from taskschema_worker.rendering.scene_renderer import SceneRenderer
 from taskschema_worker.rollout import collect_slots

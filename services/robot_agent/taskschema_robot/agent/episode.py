@@ -10,9 +10,9 @@ from taskschema.arrays import FloatArray
 from taskschema.kinematics.sawyer import rethink_gripper
 from taskschema.policies import ActingPolicy
 from taskschema.randomness import EpisodeKey, Purpose, generator
-from taskschema.tasks.scene_observation import observe
 from taskschema.tasks.scene_task import SceneTask
 from taskschema.trajectory import Trajectory
+from taskschema_robot.agent.observer import Observer, StateObserver
 from taskschema_robot.agent.skill_step import StepPlanner
 from taskschema_robot.agent.world import EpisodeDroppedError, World
 from taskschema_robot.clock import Clock
@@ -56,6 +56,7 @@ class EpisodeRunner:
         limits: the gate's.
         preview: told about every plan.
         release: asked before hands open that hold something in the air; None: nobody is there.
+        observer: of what the policy sees; None: the state.
 
     """
 
@@ -69,6 +70,7 @@ class EpisodeRunner:
         limits: SafetyLimits,
         preview: Preview | None = None,
         release: Release | None = None,
+        observer: Observer | None = None,
     ) -> None:
         self._task = task
         self._size = size
@@ -78,6 +80,7 @@ class EpisodeRunner:
         self._limits = limits
         self._preview = preview
         self._release = release
+        self._observer = observer or StateObserver(task, size)
         self._lowering = False
         self._planner = StepPlanner(task, size, limits.period, limits.speed_ratio)
 
@@ -92,13 +95,15 @@ class EpisodeRunner:
         record, began = EpisodeRecord(), self._clock.now()
         self.go_home()
         start = self._world.reset(self._task.draw_instance(generator(key, Purpose.RESET)))
+        self._observer.begin()
         observations, pairs, raws = [], [], []
         judgement = Judgement(Outcome.FAILURE, "nothing has been done yet")
         for step in range(self._task.horizon):
             pose = self._pose()
-            observation = self._observe(pose, step)
+            observation = self._observer.observe(self._arms.states(), pose, step)
             actions = policy.act(observation, step, [generator(key, Purpose.ACTION, step)])
-            self._make(int(actions.pairs[0]), actions.arguments[0], pose, record)
+            arguments = self._observer.skill_arguments(actions.arguments[0], pose)
+            self._make(int(actions.pairs[0]), arguments, pose, record)
             observations.append(observation[0])
             pairs.append(int(actions.pairs[0]))
             raws.append(actions.raw[0])
@@ -188,18 +193,5 @@ class EpisodeRunner:
     def _pose(self) -> FloatArray:
         pose = self._world.object_pose()
         if pose is None:
-            raise EpisodeDroppedError("The object's place is unknown, and the policy needs it.")
+            raise EpisodeDroppedError("The object's place is unknown, and skills are planned from it.")
         return pose
-
-    def _observe(self, pose: FloatArray, step: int) -> FloatArray:
-        """Return the observation [1, D] in the very float32 values that are streamed."""
-        states = self._arms.states()
-        observation = observe(
-            self._task.geometry,
-            np.stack([state.positions for state in states])[None],
-            np.stack([state.velocities for state in states])[None],
-            pose[None],
-            self._size[None],
-            np.array([step]),
-        )
-        return observation.astype(np.float32)

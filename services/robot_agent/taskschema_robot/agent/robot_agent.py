@@ -65,8 +65,6 @@ class RobotAgent:
         self._config = bus.join()
         if self._config.episodes_per_slot != 1:
             raise ConfigError("A robot runs one episode a slot: start the run with `--agent robot`.")
-        if self._config.observation != "state":
-            raise ConfigError("The agent does not serve runs on images yet: train with --observation state.")
         self._log = EpisodeLog(folder / "episodes", TrajectoryFormat.of(task, self._config))
         self.progress = Progress(folder / "episodes.csv")
 

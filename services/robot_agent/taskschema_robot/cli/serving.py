@@ -22,7 +22,7 @@ from taskschema_robot.agent.stop_endpoint import StopEndpoint
 from taskschema_robot.agent.twin_world import TrueWorld
 from taskschema_robot.agent.world import World
 from taskschema_robot.cli.arms import Hardware, Robots, distant_twin, own_twin, robot_hardware, twin_hardware
-from taskschema_robot.cli.eyes import open_eyes
+from taskschema_robot.cli.eyes import Eyes, frame_observer, open_eyes
 from taskschema_robot.cli.person import Person, person_at_terminal, unattended_person
 from taskschema_robot.objects.catalogue import get_object
 from taskschema_robot.objects.robot_object import RobotObject
@@ -73,7 +73,8 @@ def serve(options: Serving, stop: threading.Event) -> None:
     _log_to(folder)
     with ExitStack() as stack:
         records = RunRecords(connect(url))
-        task = task_of(records.config(run))
+        config = records.config(run)
+        task = task_of(config)
         if not isinstance(task, SceneTask) or task.family != item.family:
             raise ConfigError(f"Run {run!r} is about {task.family}, {item.name} is for {item.family}.")
         hardware = _hardware(stack, options, item, limits.period)
@@ -85,7 +86,12 @@ def serve(options: Serving, stop: threading.Event) -> None:
             else person_at_terminal(folder, stop, hold_to_run=options.hold_to_run, preview=options.preview)
         )
         monitors += person.monitors
-        world = _world(stack, options, hardware, task, item, person, monitors)
+        sees_images = config.observation == "image"
+        eyes = None
+        if sees_images or not options.see_truth:
+            eyes = open_eyes(stack, hardware, options.camera, options.lens)
+            monitors.append(CameraMonitor(eyes.camera, limits.camera_age))
+        world = _world(options, hardware, task, item, person, eyes)
         gate = SafetyGate(hardware.drivers, hardware.clock, limits, monitors)
         person.on_stop(gate.stop)
         stack.enter_context(person.listening())
@@ -93,7 +99,10 @@ def serve(options: Serving, stop: threading.Event) -> None:
             stack.enter_context(StopEndpoint(gate.stop, options.stop_port))
         gate.prepare()
         size, release = np.array(item.size), person.operator.release
-        runner = EpisodeRunner(task, size, gate, world, hardware.clock, limits, person.preview, release)
+        observer = frame_observer(task, size, eyes, hardware.clock) if eyes and sees_images else None
+        runner = EpisodeRunner(
+            task, size, gate, world, hardware.clock, limits, person.preview, release, observer
+        )
         agent_id = f"robot-{socket.gethostname()}"
         bus = WorkerBus(connect(url), run, agent_id, kind="robot", lease_seconds=LEASE_SECONDS)
         stack.enter_context(bus)
@@ -111,21 +120,19 @@ def _hardware(stack: ExitStack, options: Serving, item: RobotObject, period: flo
 
 
 def _world(
-    stack: ExitStack,
     options: Serving,
     hardware: Hardware,
     task: SceneTask,
     item: RobotObject,
     person: Person,
-    monitors: list[Monitor],
+    eyes: Eyes | None,
 ) -> World:
-    """Return what sees the object; a camera is watched, too."""
+    """Return what sees the object."""
     if options.see_truth:
         if hardware.twin is None:
             raise ConfigError("Only a twin tells the truth: leave --see truth out.")
         return TrueWorld(hardware.twin, task, item, hardware.clock)
-    eyes = open_eyes(stack, hardware, options.camera, options.lens)
-    monitors.append(CameraMonitor(eyes.camera, SafetyLimits().camera_age))
+    assert eyes is not None
     tracker = ObjectTracker(item, eyes.intrinsics)
     evidence = options.folder / Path(options.run).name / "evidence"
     resets = person.resets(hardware.twin)

@@ -182,6 +182,7 @@ class BridgeConnection:
         self._calls[identifier] = answer
         request = {"op": "call_service", "id": identifier, "service": service, "args": arguments}
         try:
+            await self.flush()
             await self._send(msgspec.json.encode(request).decode())
             return await answer
         finally:
@@ -250,6 +251,7 @@ class BridgeConnection:
             self.abort()
 
     async def _close(self, connection: ClientConnection) -> None:
+        await self.flush()
         await connection.close()
         if self._reader is not None:
             await asyncio.gather(self._reader, return_exceptions=True)
