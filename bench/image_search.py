@@ -47,6 +47,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("tasks", nargs="+")
     parser.add_argument("--episodes", type=int, default=16 * BATCH)
+    parser.add_argument("--only", choices=SOURCES, help="arguments of one kind alone")
     options = parser.parse_args()
     print(f"On {machine()}.\n\n| task | arguments of | p | 95 % interval | episodes |\n|---|---|---|---|---|")
     for name in options.tasks:
@@ -56,6 +57,8 @@ def main() -> None:
         keys = [EpisodeKey(0, 0, 0, index) for index in range(options.episodes)]
         instances = [task.draw_instance(generator(key, Purpose.AUDIT)) for key in keys]
         for kind, source in SOURCES.items():
+            if options.only not in (None, kind):
+                continue
             rng = generator(EpisodeKey(0, 1, 0, 0), Purpose.AUDIT)
             found = run_schema(environment, task, task.paper_schema, instances, partial(source, task, rng))
             rate = wilson(int(found.success.sum()), options.episodes)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taskschema.tasks.lateral_lifting import LateralLifting
 from taskschema.tasks.registry import load_task_source, read_task_file
 from taskschema_worker.audit.episodes import expert, run_schema
 from taskschema_worker.scene_environment import SceneEnvironment
@@ -34,6 +35,18 @@ def test_the_example_is_solved_by_two_arms_and_not_by_one(tray):
     assert success(tray, tray.paper_schema, instances + corners) >= 0.95
     left_alone = tuple((left, "no_op") for left, _ in tray.paper_schema)
     assert success(tray, left_alone, instances) == 0
+
+
+@pytest.mark.parametrize("name", ["RollingPin", "Box"])
+def test_the_bars_schema_lifts_other_objects_too_and_one_arm_does_not(name):
+    carried = load_task_source(*read_task_file(str(ROOT / f"docs/examples/carried.py:{name}")))
+    generator = np.random.default_rng(0)
+    instances = [carried.draw_instance(generator) for _ in range(8)]
+    corners = [carried.draw_corner(corner, generator) for corner in range(len(carried.corner_names))]
+    assert carried.paper_schema == LateralLifting.paper_schema
+    assert success(carried, carried.paper_schema, instances + corners) >= 0.95
+    left_alone = tuple((left, "no_op") for left, _ in carried.paper_schema)
+    assert success(carried, left_alone, instances) == 0
 
 
 def test_the_goal_is_what_its_distance_says(tray):

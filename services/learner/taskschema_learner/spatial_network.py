@@ -13,6 +13,7 @@ from taskschema.config import ImageConfig
 from taskschema.policies.network import LOG_STD_RANGE
 from taskschema.policies.spatial_layout import CELL, CELLS, OFFSET_X, SpatialLayout
 from taskschema.policies.spatial_trunk import (
+    CRITIC_SCALE,
     PIXEL_SCALE,
     PIXEL_SHIFT,
     SQUEEZED,
@@ -130,7 +131,8 @@ class SpatialNetwork:
         flat = maps.flatten(2)
         offsets = flat[:, arms : 3 * arms].reshape(count, arms, 2, CELLS)
         others = flat[:, 3 * arms :].reshape(count, arms, -1, CELLS)
-        value = functional.linear(squeezed.flatten(1), weights["value.weight"], weights["value.bias"])
+        seen = CRITIC_SCALE * squeezed.flatten(1)
+        value = functional.linear(seen, weights["value.weight"], weights["value.bias"])
         return SpatialEvaluation(
             response=flat[:, :arms],
             mean=torch.cat([offsets, others], dim=2),

@@ -10,6 +10,7 @@ from taskschema.policies.frame_convolution import FrameConvolution
 from taskschema.policies.network import LOG_STD_RANGE
 from taskschema.policies.spatial_layout import CELLS, SpatialLayout
 from taskschema.policies.spatial_trunk import (
+    CRITIC_SCALE,
     PIXEL_SCALE,
     PIXEL_SHIFT,
     TRUNKS,
@@ -95,5 +96,5 @@ class SpatialNetwork:
         squeezed = self._squeeze.rectified(np.moveaxis(over_table, 0, 2))
         maps = self._maps(squeezed)
         weight, bias = self._value
-        value = weight @ np.moveaxis(squeezed, 2, 0).reshape(-1) + bias
+        value = weight @ (CRITIC_SCALE * np.moveaxis(squeezed, 2, 0).reshape(-1)) + bias
         return np.moveaxis(maps, 2, 0).copy(), value

@@ -16,6 +16,12 @@ pixels, which the next layer's stride of 2 halves.
 """
 SQUEEZED = 16
 """Filters of 2 x 2 with stride 2 after the trunk (paper)."""
+CRITIC_SCALE = 1.0 / 16.0
+"""Factor on what the critic sees: 16 x 64 numbers, 16 times as many as the network on states shows its own.
+
+Each of Adam's steps moves every weight by the learning rate. Without the factor one step moved all values by
+as much as half a success, and what the policy followed between two successes was the critic's noise.
+"""
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 """Of red, green and blue, for pixels from 0 to 1: what VGG's published weights expect."""
 IMAGENET_STD = (0.229, 0.224, 0.225)
