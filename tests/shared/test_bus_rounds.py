@@ -107,6 +107,17 @@ def test_a_lone_worker_leases_a_large_round_in_parts(run: Run) -> None:
     assert [len(deliver(worker)), len(deliver(worker))] == [MOST_SLOTS, 5]
 
 
+def test_an_idle_worker_asks_often_for_leases_that_others_hold(
+    run: Run,
+) -> None:
+    learner, busy, idle = run.learner(), run.worker("busy", lease_seconds=0.5), run.worker("idle", 0.5)
+    learner.open_round(0, toy_snapshot(), range(2))
+    assert len(busy.lease(1) + busy.lease(1)) == 2
+    started = time.monotonic()
+    idle.lease(10_000)
+    assert time.monotonic() - started < 5.0
+
+
 def test_idle_workers_share_a_round_that_opens(run: Run) -> None:
     learner = run.learner()
     shares: dict[str, int] = {}

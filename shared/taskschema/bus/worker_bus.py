@@ -37,6 +37,10 @@ MOST_SLOTS = 25
 """Slots leased at once at most: bounds the memory of the batch they are run as; larger ones are no faster."""
 MOST_SHARED_SLOTS = 8
 """As many for agents that share their core with others, and its memory."""
+SHORTEST_BLOCK_MS = 100
+"""An idle agent asks this often whether others' leases have expired [ms], as long as some are held."""
+MS_PER_AGENT = 10
+"""The more agents, the less often each one asks: all together once in so many milliseconds."""
 SLOTS_PER_TRANSACTION = 16
 """Bounds the memory of one delivery."""
 
@@ -155,11 +159,10 @@ class WorkerBus:
             ConfigError: if the run was replaced by one of another config.
 
         """
-        share = self._share()
+        share, patience_ms = self._share()
         entries = self._expired(share)
         if not entries:
-            block = max(1, min(block_ms, LONGEST_BLOCK_MS))
-            entries = self._offered(share, block)
+            entries = self._offered(share, max(1, min(block_ms, patience_ms)))
         leases, worthless = self._sort(entries)
         if worthless:
             self._client.xack(self._keys.work, GROUP, *worthless)
@@ -173,8 +176,8 @@ class WorkerBus:
             raise BusError(f"Agent {self._worker_id!r} has not joined run {self._run!r}: join it first.")
         return self._heartbeat
 
-    def _share(self) -> int:
-        """Return how many slots to take at most."""
+    def _share(self) -> tuple[int, int]:
+        """Return how many slots to take at most, and how long to wait for them before asking again [ms]."""
         config = self.join()
         with self._client.pipeline(transaction=False) as pipe:
             pipe.hget(self._keys.config, "hash")
@@ -184,10 +187,12 @@ class WorkerBus:
             raise ConfigError(f"Run {self._run!r} is gone or has another config now: start the agent again.")
         # Counted by the server: thousands of workers must not read each other's names.
         alive: int = self._client.zcount(self._keys.heartbeats, f"({seconds - ALIVE_SECONDS}", "+inf")
-        # An idle agent waits for the next round, whose slots come all at once.
-        expected_slots = open_count(self._client, self._keys) or config.slots
+        open_slots = open_count(self._client, self._keys)
+        # An idle agent waits for the next round, whose slots come all at once, or for leases to expire.
+        patience_ms = max(SHORTEST_BLOCK_MS, alive * MS_PER_AGENT) if open_slots else LONGEST_BLOCK_MS
         most = MOST_SLOTS if self._cores == 1.0 else MOST_SHARED_SLOTS
-        return min(math.ceil(expected_slots / max(alive * self._cores, 1.0)), most)
+        share = math.ceil((open_slots or config.slots) / max(alive * self._cores, 1.0))
+        return min(share, most), min(patience_ms, LONGEST_BLOCK_MS)
 
     def _expired(self, count: int) -> list[tuple[bytes, dict[bytes, bytes]]]:
         try:
