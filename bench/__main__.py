@@ -1,7 +1,7 @@
 """Run the benches named, or all: `python -m bench [NAME or row number ...]`.
 
 All of them together also write `bench/results.json`, which `python -m bench.report` brings into
-docs/performance.md.
+docs/performance.md; `--write` brings the rows of chosen benches up to date there.
 """
 
 import argparse
@@ -9,6 +9,7 @@ import importlib
 import json
 import time
 from pathlib import Path
+from typing import Any
 
 from bench.entry import Entry, table
 from taskschema_learner.machine import machine
@@ -40,6 +41,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m bench", description=__doc__)
     parser.add_argument("benches", nargs="*", metavar="BENCH", help="; ".join(words))
     parser.add_argument("--repeats", type=int, default=5, help="interleaved repeats of each measurement")
+    parser.add_argument(
+        "--write",
+        action="store_true",
+        help="bring the rows of chosen benches up to date in bench/results.json",
+    )
     arguments = parser.parse_args()
     names = chosen(arguments.benches)
     entries: list[Entry] = []
@@ -48,8 +54,23 @@ def main() -> None:
         print(f"[{time.monotonic() - started:5.0f} s] {name}: {BENCHES[name][1]} ...", flush=True)
         entries += importlib.import_module(f"bench.{name}").measure(arguments.repeats)
     print(f"\n{machine()}\n\n{table(entries)}")
+    rows = [entry.as_dict() for entry in entries]
     if not arguments.benches:
-        RESULTS.write_text(json.dumps([entry.as_dict() for entry in entries], indent=1) + "\n")
+        write(rows)
+    elif arguments.write:
+        write(replaced(json.loads(RESULTS.read_text()), rows))
+
+
+def write(rows: list[dict[str, Any]]) -> None:
+    """Replace the recorded results."""
+    RESULTS.write_text(json.dumps(rows, indent=1) + "\n")
+
+
+def replaced(rows: list[dict[str, Any]], newer: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the rows with those in their places that were measured again; what is new comes last."""
+    by_name = {row["name"]: row for row in newer}
+    kept = [by_name.pop(row["name"], row) for row in rows]
+    return [*kept, *by_name.values()]
 
 
 def chosen(words: list[str]) -> list[str]:

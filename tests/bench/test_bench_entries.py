@@ -1,7 +1,7 @@
 """Entries, their table, and which benches a word means."""
 
 import pytest
-from bench.__main__ import BENCHES, chosen
+from bench.__main__ import BENCHES, chosen, replaced
 from bench.entry import Entry, table
 
 
@@ -36,3 +36,10 @@ def test_benches_are_chosen_by_name_and_by_row():
     assert chosen(["resets", "4"]) == ["resets", "fidelity"]
     with pytest.raises(SystemExit, match="No bench nonsense"):
         chosen(["nonsense"])
+
+
+def test_rows_measured_again_take_the_place_of_those_before():
+    rows = [{"name": "a", "value": 1}, {"name": "b", "value": 2}]
+    newer = [{"name": "c", "value": 4}, {"name": "a", "value": 3}]
+    assert [(row["name"], row["value"]) for row in replaced(rows, newer)] == [("a", 3), ("b", 2), ("c", 4)]
+    assert [row["value"] for row in rows] == [1, 2]
