@@ -17,7 +17,12 @@ from taskschema_learner.batch import collate
 from taskschema_learner.learner import Learner
 from taskschema_learner.optimiser import Optimiser
 from taskschema_learner.parallel_parts import ParallelParts
-from taskschema_learner.spatial_network import FRAMES_AT_ONCE, SpatialEvaluation, SpatialNetwork
+from taskschema_learner.spatial_network import (
+    FRAMES_AT_ONCE,
+    SPREAD_ENTROPY,
+    SpatialEvaluation,
+    SpatialNetwork,
+)
 
 LAYOUT = SpatialLayout(TOY.image_pairs)
 
@@ -116,12 +121,25 @@ def test_gradients_are_those_of_finite_differences():
     seen = evaluation(1)
     raw = torch.tensor([[5, 0.1, -0.2, 0.3, 60, 0.0, 0.4, -0.5]], dtype=torch.float64)
     used = torch.ones((1, 8), dtype=torch.float64)
-    leaves = [tensor.clone().requires_grad_() for tensor in (seen.response, seen.mean, seen.log_std)]
+    sharp = 4.0 * seen.response
+    leaves = [tensor.clone().requires_grad_() for tensor in (sharp, seen.mean, seen.log_std)]
 
     def terms(*tensors):
         return SpatialEvaluation(*tensors, value=seen.value).argument_terms(raw, used)
 
+    assert float(torch.distributions.Categorical(logits=sharp).entropy().max()) < SPREAD_ENTROPY
     assert torch.autograd.gradcheck(terms, leaves, fast_mode=True)
+
+
+def test_a_map_that_is_spread_is_not_spread_further():
+    seen = evaluation(1)
+    raw, used = torch.zeros((1, 8), dtype=torch.float64), torch.ones((1, 8), dtype=torch.float64)
+    for scale, moves in ((1.0, False), (4.0, True)):
+        response = (scale * seen.response).requires_grad_()
+        given = SpatialEvaluation(response, seen.mean, seen.log_std, value=seen.value)
+        _, entropy = given.argument_terms(raw, used)
+        (gradient,) = torch.autograd.grad(entropy.sum(), response)
+        assert bool(gradient.abs().max() > 1e-3) is moves
 
 
 def trajectories(policy, count):

@@ -16,6 +16,7 @@ from taskschema.policies.spatial_trunk import (
     CRITIC_SCALE,
     PIXEL_SCALE,
     PIXEL_SHIFT,
+    RESPONSE_SCALE,
     SQUEEZED,
     TRUNKS,
     Convolution,
@@ -32,6 +33,14 @@ from taskschema_learner.parallel_parts import ParallelParts
 
 FRAMES_AT_ONCE = 8
 """Frames that pass the network together; it bounds memory, and more of them are slower."""
+
+
+SPREAD_ENTROPY = math.log(8.0)
+"""Of an arm's response map [nat]: what is spread more evenly, as over 8 of 64 cells, is not spread further.
+
+Successes are rare at first, and the entropy bonus is at work in every minibatch: without this end it has made
+a map even again before the next success. The Gaussians have such an end, too: `LOG_STD_RANGE`.
+"""
 
 
 @dataclass(frozen=True)
@@ -54,7 +63,7 @@ class SpatialEvaluation:
             H     = sum_arms  u_cell H(P)      +  sum_i u_i (log std_i + log(2 pi e) / 2)
 
         The standard deviations are the same in all cells, so the second sum is the Gaussians' expected
-        entropy over the cells, exactly.
+        entropy over the cells, exactly. H(P) has no gradient above `SPREAD_ENTROPY`.
 
         Args:
             arguments: [B, R] raw actions, see `SpatialLayout`.
@@ -67,7 +76,9 @@ class SpatialEvaluation:
         logs = torch.log_softmax(self.response, dim=2)
         used_cells = used_parts[..., CELL]
         of_cells = (logs.gather(2, cells[..., None])[..., 0] * used_cells).sum(dim=1)
-        cell_entropy = (-(logs.exp() * logs).sum(dim=2) * used_cells).sum(dim=1)
+        exact = -(logs.exp() * logs).sum(dim=2)
+        spreading = torch.where(exact < SPREAD_ENTROPY, exact, exact.detach())
+        cell_entropy = (spreading * used_cells).sum(dim=1)
         index = cells[:, :, None, None].expand(-1, -1, self.mean.shape[2], 1)
         mean = self.mean.gather(3, index)[..., 0].flatten(1)
         log_std = self.log_std.flatten().expand_as(mean)
@@ -134,7 +145,7 @@ class SpatialNetwork:
         seen = CRITIC_SCALE * squeezed.flatten(1)
         value = functional.linear(seen, weights["value.weight"], weights["value.bias"])
         return SpatialEvaluation(
-            response=flat[:, :arms],
+            response=RESPONSE_SCALE * flat[:, :arms],
             mean=torch.cat([offsets, others], dim=2),
             log_std=bounded(weights["log_std"], *LOG_STD_RANGE),
             value=value[:, 0],

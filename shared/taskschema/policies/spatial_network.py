@@ -13,6 +13,7 @@ from taskschema.policies.spatial_trunk import (
     CRITIC_SCALE,
     PIXEL_SCALE,
     PIXEL_SHIFT,
+    RESPONSE_SCALE,
     TRUNKS,
     maps_layer,
     squeeze_layer,
@@ -73,7 +74,7 @@ class SpatialNetwork:
         offsets = stacked[:, arms : 3 * arms].reshape(len(frames), arms, 2, CELLS)
         others = stacked[:, 3 * arms :].reshape(len(frames), arms, -1, CELLS)
         return SpatialOutput(
-            response=stacked[:, :arms],
+            response=np.float32(RESPONSE_SCALE) * stacked[:, :arms],
             mean=np.concatenate([offsets, others], axis=2),
             log_std=self._log_std,
             value=np.array(values, dtype=np.float32),
