@@ -177,7 +177,7 @@ def test_a_frozen_trunk_sees_each_frame_once_to_act_and_once_to_learn(cheap_vgg)
     assert policy.trunk_passes + network.trunk_passes == 2 * 4  # four epochs reuse the features
     after = network.weights()
     assert np.array_equal(after["trunk.4.weight"], before["trunk.4.weight"])
-    assert not np.array_equal(after["maps.weight"], before["maps.weight"])
+    assert not np.array_equal(after["squeeze.weight"], before["squeeze.weight"])
 
 
 def test_an_update_makes_what_succeeded_more_probable_and_is_a_function_of_its_inputs():
