@@ -147,7 +147,7 @@ def page(rows: list[Row]) -> str:
         "",
         f"On {machine()}, from states. `transferred`: with the heavy bar's schema, learned from states and",
         "frozen (`--init-schema SCHEMA.json --freeze-schema`); `from scratch`: schema and arguments learned.",
-        "`> N`: not within N episodes; -: not trained. `trainings.json` holds",
+        "`> N`: not within N episodes so far; -: not trained. `trainings.json` holds",
         "everything for a program.",
         "",
         f"| {' | '.join(heads)} |",
