@@ -6,7 +6,7 @@ import math
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from taskschema.kinematics.sawyer import sawyer
@@ -114,6 +114,7 @@ def test_no_joint_command_leaves_the_limits(messages):
 
 @settings(max_examples=40)
 @given(st.dictionaries(st.sampled_from(["data", "layout", "header"]), values))
+@example({"data": "\x80"})
 def test_what_is_read_can_be_serialised_or_is_refused(fields):
     for kind in ("std_msgs/UInt8MultiArray", "std_msgs/Float32", "std_msgs/Time", "std_msgs/String"):
         try:

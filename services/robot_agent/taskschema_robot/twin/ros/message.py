@@ -1,7 +1,6 @@
 """Messages from clients: checked against their type as rosbridge checks them, and no more than that."""
 
 import base64
-import binascii
 import re
 from dataclasses import dataclass
 from functools import cache
@@ -148,7 +147,7 @@ def _from_base64(text: str) -> Any:  # noqa: ANN401 - text that is no base64 sta
     """Decode as rosbridge does: foreign characters are skipped, missing padding is not noticed here."""
     try:
         return base64.b64decode(text)
-    except binascii.Error:
+    except ValueError:  # wrong length, or characters beyond ASCII
         return text
 
 
