@@ -81,9 +81,9 @@ class Stack:
 
     def memory(self) -> dict[str, str]:
         """Return what each running container holds, by its name."""
-        ids = self.containers()
-        lines = docker("stats", "--no-stream", "--format", "{{.Name}}={{.MemUsage}}", *ids).splitlines()
-        used = dict(line.partition("/")[0].strip().split("=") for line in lines)
+        # Not by their ids: one that ends meanwhile would fail it all.
+        lines = docker("stats", "--no-stream", "--format", "{{.Name}}={{.MemUsage}}").splitlines()
+        used = dict(line.partition("/")[0].strip().split("=") for line in lines if line.startswith(PROJECT))
         return {name.removeprefix(PROJECT).strip("_-"): size for name, size in sorted(used.items())}
 
     def get(self, path: str) -> Any:
