@@ -16,8 +16,8 @@ from taskschema.tasks.picking import BALL_RADIUS, Picking
 
 TASK = Picking()
 GO_TO_POSE = SKILLS["go_to_pose"]
-FORWARD_AND_DOWN = 1.3 * np.pi
-"""[rad] roll at which an unturned hand points along y and 36 degrees below the horizontal."""
+FORWARD_AND_DOWN = 0.3 * np.pi
+"""[rad] roll at which a hand that pointed down points along y and 36 degrees below the horizontal."""
 
 
 def context(arm, count, opening=0.03, joints=None):
@@ -69,11 +69,19 @@ def test_hand_ends_at_its_pose_or_the_half_turn_of_it_with_its_gripper_as_it_was
     position, rotation = here.arm.forward(path.joints[:, -1])
     np.testing.assert_allclose(position, here.object_position + arguments[:, :3], atol=1e-3)
     quaternion = roll_pitch_yaw_quaternion(arguments[:, 3:])
-    wanted = np.stack([rotate(quaternion, axis) for axis in np.eye(3)], axis=2)
+    wanted = np.stack([rotate(quaternion, axis) for axis in np.diag([1.0, -1.0, -1.0])], axis=2)
     np.testing.assert_allclose(rotation[:, :, 2], wanted[:, :, 2], atol=5e-3)
     np.testing.assert_allclose(np.abs((rotation[:, :, 0] * wanted[:, :, 0]).sum(axis=1)), 1.0, atol=1e-3)
     assert (path.opening == 0.03).all()
     assert (path.velocities[:, -1] == 0).all()
+
+
+@pytest.mark.parametrize("arm", [0, 1])
+def test_middle_of_the_search_space_is_a_hand_that_points_straight_down(arm):
+    here = context(arm, 1)
+    path = GO_TO_POSE.plan(here, np.array([[0.0, 0.0, 0.1, np.pi, np.pi, np.pi]]))
+    _, rotation = here.arm.forward(path.joints[:, -1])
+    np.testing.assert_allclose(rotation[0, :, 2], [0.0, 0.0, -1.0], atol=5e-3)
 
 
 @pytest.mark.parametrize("arm", [0, 1])
@@ -83,7 +91,7 @@ def test_half_a_turn_about_the_fingers_makes_no_difference(arm):
     yaw = np.pi if arm else 0.0
     paths = [
         GO_TO_POSE.plan(here, np.array([[0.0, 0.0, 0.03, *angles]]))
-        for angles in ((np.pi, 0.0, yaw), (np.pi, 0.0, np.pi - yaw))
+        for angles in ((0.0, 0.0, yaw), (0.0, 0.0, np.pi - yaw))
     ]
     np.testing.assert_allclose(paths[0].joints[:, -1], paths[1].joints[:, -1], atol=5e-3)
 
@@ -118,7 +126,8 @@ def test_hand_withdraws_level_from_the_object_before_it_turns(arm):
     pressing = np.array([[0.0, 0.0, -0.01, FORWARD_AND_DOWN, 0.0, np.pi if arm else 0.0]])
     beside = GO_TO_POSE.plan(here, pressing).joints[:, -1]
     start, _ = here.arm.forward(beside)
-    turned = np.array([[0.0, 0.0, 0.05, np.pi, 0.0, 0.0]])
+    turned = np.zeros((1, 6))
+    turned[:, 2] = 0.05
     path = GO_TO_POSE.plan(replace(here, joints=beside), turned)
     positions, _ = here.arm.forward(path.joints[0])
     back = here.arm.base_position[:2] - here.object_position[0, :2]

@@ -28,13 +28,17 @@ SPEED = 0.25
 """[m/s] on that line: slow enough that what is touched is pushed and not knocked away."""
 ACCELERATION = 1.0
 """[m/s^2]"""
+POINTING_DOWN = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
+"""Orientation that roll, pitch and yaw turn; three half turns, the middle of the search space, restore it."""
 
 
 class GoToPose(Skill):
     """Withdraw from the object, turn on the robot's own side of it, then come to the goal in a straight line.
 
     Its posture at the goal is the one near a neutral posture: the same arguments mean the same posture,
-    whatever the arm did before. The gripper is symmetric, so of an orientation and its half turn the one
+    whatever the arm did before. Roll, pitch and yaw turn a hand that points straight down, which the paper
+    leaves open: the middle of the search space is a hand that can touch what stands on the table, not one
+    that points at the ceiling. The gripper is symmetric, so of an orientation and its half turn the one
     nearer to that is taken. The hand's position counts before its orientation: one that would be in the table
     is tilted, and only then raised. Something in the way is pushed, or, where it does not give way, pressed
     with the servos' force.
@@ -47,7 +51,7 @@ class GoToPose(Skill):
         Argument("x", "m", -0.1, 0.1, "offset from the object's centre along the world's x axis"),
         Argument("y", "m", -0.1, 0.1, "offset from the object's centre along the world's y axis"),
         Argument("z", "m", -0.1, 0.1, "offset from the object's centre along the world's z axis"),
-        Argument("roll", "rad", 0.0, 2.0 * np.pi, "first turn, about the world's x axis", periodic=True),
+        Argument("roll", "rad", 0.0, 2.0 * np.pi, "first turn of a hand that points down, about the world's x axis", periodic=True),
         Argument("pitch", "rad", 0.0, 2.0 * np.pi, "second turn, about the world's y axis", periodic=True),
         Argument("yaw", "rad", 0.0, 2.0 * np.pi, "third turn, about the world's z axis", periodic=True),
     )
@@ -64,7 +68,7 @@ class GoToPose(Skill):
         """Plan from the joints in `context`; see `Skill.plan`."""
         target = context.object_position + arguments[:, :3]
         quaternion = roll_pitch_yaw_quaternion(arguments[:, 3:])
-        rotation = np.stack([rotate(quaternion, axis) for axis in np.eye(3)], axis=2)
+        rotation = np.stack([rotate(quaternion, axis) for axis in POINTING_DOWN.T], axis=2)
         neutral = np.tile(NEUTRAL, (len(target), 1))
         rotation = _nearer_half_turn(context, neutral, tilted_clear(rotation, target[:, 2]))
         target[:, 2] = np.maximum(target[:, 2], least_height(rotation))

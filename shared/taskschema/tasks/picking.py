@@ -28,8 +28,8 @@ GRASP_DISTANCE = 0.09
 """[m] from the ball's centre to where the expert's top grasp comes down beside it."""
 PRESS_OFFSET = (0.01, -0.015)
 """[m] past the ball's centre, and up, where the expert's go-to pose aims."""
-PRESS_ROLL = 1.4 * np.pi
-"""[rad] the expert's hand points 18 degrees below the horizontal."""
+PRESS_ROLL = 0.4 * np.pi
+"""[rad] the expert turns a hand that points down about x, until it points 18 degrees below the horizontal."""
 EXPERT_LIFT = 0.35
 """[m]"""
 
@@ -122,8 +122,8 @@ class Picking(SceneTask):
         arguments = np.zeros((len(observations), self.pairs.argument_count))
         past, up = PRESS_OFFSET
         for arm, side in enumerate((-1.0, 1.0)):
-            yaw = 0.0 if side < 0 else np.pi
+            roll = np.pi - side * PRESS_ROLL
             arguments[:, self.pairs.columns(arm, 0)] = (0.0, side * GRASP_DISTANCE, 0.0)
-            arguments[:, self.pairs.columns(arm, 1)] = (0.0, -side * past, up, PRESS_ROLL, 0.0, yaw)
+            arguments[:, self.pairs.columns(arm, 1)] = (0.0, -side * past, up, roll, np.pi, np.pi)
             arguments[:, self.pairs.columns(arm, 2)] = EXPERT_LIFT
         return arguments

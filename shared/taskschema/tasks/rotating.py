@@ -43,6 +43,8 @@ EXPERT_APPROACH = 0.8
 """[rad] approach angle of the expert's side grasp."""
 EXPERT_POSE_HEIGHT = 0.045
 """Of the expert's go-to poses above the object's centre, at scale 1 [m]: level with the handle."""
+EXPERT_POSE_TURN = (np.pi, np.pi, 0.75 * np.pi)
+"""[rad] roll, pitch and yaw of the expert's go-to poses: straight down, the fingers across the handle."""
 
 
 class Rotating(HingeTask):
@@ -119,7 +121,6 @@ class Rotating(HingeTask):
             arguments[:, pose] = side * 0.063 * scale
             arguments[:, pose + 1] = side * 0.077 * scale
             arguments[:, pose + 2] = EXPERT_POSE_HEIGHT * scale
-            arguments[:, pose + 3] = np.pi
-            arguments[:, pose + 5] = (1.75 if arm == 0 else 0.75) * np.pi
+            arguments[:, pose + 3 : pose + 6] = EXPERT_POSE_TURN
             arguments[:, self.pairs.columns(arm, 2).stop - 1] = 0.077 * scale
         return arguments
