@@ -51,7 +51,14 @@ class GoToPose(Skill):
         Argument("x", "m", -0.1, 0.1, "offset from the object's centre along the world's x axis"),
         Argument("y", "m", -0.1, 0.1, "offset from the object's centre along the world's y axis"),
         Argument("z", "m", -0.1, 0.1, "offset from the object's centre along the world's z axis"),
-        Argument("roll", "rad", 0.0, 2.0 * np.pi, "first turn of a hand that points down, about the world's x axis", periodic=True),
+        Argument(
+            "roll",
+            "rad",
+            0.0,
+            2.0 * np.pi,
+            "first turn of a hand that points down, about the world's x axis",
+            periodic=True,
+        ),
         Argument("pitch", "rad", 0.0, 2.0 * np.pi, "second turn, about the world's y axis", periodic=True),
         Argument("yaw", "rad", 0.0, 2.0 * np.pi, "third turn, about the world's z axis", periodic=True),
     )
