@@ -56,7 +56,7 @@ class GoToPose(Skill):
             "rad",
             0.0,
             2.0 * np.pi,
-            "first turn of a hand that points down, about the world's x axis",
+            "turn of a hand pointing down about the world's x axis",
             periodic=True,
         ),
         Argument("pitch", "rad", 0.0, 2.0 * np.pi, "second turn, about the world's y axis", periodic=True),
