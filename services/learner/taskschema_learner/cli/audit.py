@@ -40,12 +40,9 @@ def audit(
     """
     from rich.console import Console
 
-    from taskschema.errors import ConfigError
-    from taskschema.tasks.registry import get_task, load_task_source, read_task_file
+    from taskschema_learner.cli.task_reference import named_task
 
-    if (task is None) == (task_file is None):
-        raise ConfigError("Name a TASK (see `taskschema tasks`) or give --task-file FILE:CLASS, one of both.")
-    audited = get_task(task or "") if task_file is None else load_task_source(*read_task_file(task_file))
+    audited = named_task(task, task_file)
     from taskschema_learner.run_folder import write_atomically
     from taskschema_worker.audit import audit as measure
 

@@ -51,7 +51,8 @@ def replay(
     From above, --camera overhead, a run on images shows where each arm would go: left red, right blue.
     """
     from taskschema.errors import ConfigError, UnknownNameError
-    from taskschema.tasks.registry import get_task, load_task_source, read_task_file, task_of
+    from taskschema.tasks.registry import task_of
+    from taskschema_learner.cli.task_reference import named_task
     from taskschema_learner.replay.film import frame_rate
 
     if [run, expert, task_file].count(None) != 2:
@@ -63,11 +64,9 @@ def replay(
     folder = None if run is None else find_run(run)
     if folder is not None:
         task, name = task_of(folder.config), folder.name
-    elif task_file is not None:
-        task = load_task_source(*read_task_file(task_file))
-        name = f"{task.name}-expert"
     else:
-        task, name = get_task(expert or ""), f"{expert}-expert"
+        task = named_task(expert, task_file)
+        name = f"{task.name}-expert"
     path = out or Path(f"{name}.mp4")
     rate = frame_rate(path)
 

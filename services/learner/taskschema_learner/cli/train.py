@@ -124,14 +124,11 @@ def _new_config(task: str | None, task_file: str | None, agent: str) -> "RunConf
         TaskschemaError: if there is no such task.
 
     """
-    from taskschema.errors import ConfigError
-    from taskschema.tasks.registry import read_task_file
+    from taskschema_learner.cli.task_reference import task_and_source
     from taskschema_learner.default_config import default_config, robot_config
 
-    if (task is None) == (task_file is None):
-        raise ConfigError("Name a TASK (see `taskschema tasks`) or give --task-file FILE:CLASS, one of both.")
-    name, source = (task, None) if task_file is None else read_task_file(task_file)
-    config = default_config(name or "", task_source=source)
+    name, source = task_and_source(task, task_file)
+    config = default_config(name, task_source=source)
     return robot_config(config) if _agent_kind(agent) == "robot" else config
 
 
