@@ -23,7 +23,6 @@ from taskschema_learner.machine import machine
 from taskschema_worker.audit.episodes import BATCH, run_schema
 from taskschema_worker.scene_environment import SceneEnvironment
 
-
 INITIAL_STD = float(np.exp(NetworkConfig().initial_log_std))
 """Of an untrained policy's arguments about the middle of their search spaces, in halves of them."""
 
