@@ -4,7 +4,8 @@ ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=igno
 COPY deploy/docker/requirements-robot.lock /tmp/
 RUN pip install --no-deps -r /tmp/requirements-robot.lock \
  && useradd --uid 10001 --no-create-home taskschema \
- && install -d -o taskschema -g taskschema /episodes
+ && install -d -o taskschema -g taskschema /episodes \
+ && install -d -o taskschema -g taskschema -m 700 /twin
 
 COPY deploy/docker/taskschema-robot /usr/local/bin/
 COPY shared/taskschema /opt/taskschema/taskschema

@@ -59,7 +59,7 @@ def check(stack: Stack) -> str:
         grown = scale(stack, 6)
         stack.rounds_pass(1)
         shrunk = scale(stack, 1)
-        learner_back = kill_learner(stack)
+        learner_back = kill_processes(stack, "learner", RUN)
         worker_lost = kill_worker(stack)
         restart_everything(stack, watch)
         down_and_up(stack, watch)
@@ -91,12 +91,12 @@ def scale(stack: Stack, workers: int) -> float:
     return seconds
 
 
-def kill_learner(stack: Stack) -> float:
-    """Kill all processes of the learner's container; return how long two more rounds took [s]."""
-    (learner,) = stack.containers("learner")
-    subprocess.run(["docker", "exec", learner, *KILL_ALL], capture_output=True)
-    seconds = stack.rounds_pass(2)
-    say(f"learner killed: two rounds after {seconds:.0f} s")
+def kill_processes(stack: Stack, service: str, run: str) -> float:
+    """Kill all processes of a service's container; return how long two more rounds took [s]."""
+    (container,) = stack.containers(service)
+    subprocess.run(["docker", "exec", container, *KILL_ALL], capture_output=True)
+    seconds = stack.rounds_pass(2, run)
+    say(f"{service} killed: two rounds after {seconds:.0f} s")
     return seconds
 
 
@@ -135,14 +135,23 @@ def down_and_up(stack: Stack, watch: SchemaWatch) -> None:
 def run_the_twin(stack: Stack) -> float:
     """Start the robot's profile beside the rest; return how long its first two rounds took [s].
 
-    Then its twin is restarted, as it would be after a fall of its own: the agent comes back to it.
+    Then its twin is restarted, stopped for a while, and killed, and the agent killed, too: they find each
+    other again.
     """
     seconds = timed(stack, "--profile", "robot", "up", "-d", "--no-build", "robot")
     seconds += stack.rounds_pass(2, ROBOT_RUN)
     say(f"two rounds of the robot's twin after {seconds:.0f} s")
     assert stack.live_workers(ROBOT_RUN) == 1
-    stack.compose("--profile", "robot", "restart", "robot-twin")
-    say(f"robot-twin restarted: next round after {stack.rounds_pass(1, ROBOT_RUN):.0f} s")
+    profile = ("--profile", "robot")
+    stack.compose(*profile, "restart", "robot-twin")
+    say(f"robot-twin restarted: two rounds after {stack.rounds_pass(2, ROBOT_RUN):.0f} s")
+    starts = stack.engine_starts("robot")
+    stack.compose(*profile, "stop", "robot-twin")
+    stack.wait(lambda: stack.engine_starts("robot") > starts, "a robot that starts without its twin")
+    stack.compose(*profile, "start", "robot-twin")
+    say(f"robot-twin stopped and started: two rounds after {stack.rounds_pass(2, ROBOT_RUN):.0f} s")
+    for service in ("robot-twin", "robot"):
+        kill_processes(stack, service, ROBOT_RUN)
     return seconds
 
 

@@ -79,6 +79,11 @@ class Stack:
             words += ["--filter", f"label=com.docker.compose.service={service}"]
         return docker("ps", "-q", *words).split()[::-1]
 
+    def engine_starts(self, service: str) -> int:
+        """Return how often the engine itself has started a service's one container again."""
+        (container,) = self.containers(service)
+        return int(docker("inspect", "--format", "{{.RestartCount}}", container))
+
     def memory(self) -> dict[str, str]:
         """Return what each running container holds, by its name."""
         # Not by their ids: one that ends meanwhile would fail it all.

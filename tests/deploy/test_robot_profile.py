@@ -1,6 +1,7 @@
 """The compose file's profile `robot`: twin, agent and training by their own commands, no containers."""
 
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -9,16 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import redis
 from bus_setup import wait_until
 from compose_file import ROOT, services, settings
-from ray_cluster import free_port
 from role_redis import RoleRedis, role_redis
 
+from taskschema.bus.keys import RunKeys
 from taskschema.bus.records import RunRecords
+from taskschema.bus.work_stream import work_entries
 from taskschema_learner.run_folder import RunFolder
 
-CONTROL_PORT = 9190
-"""The twin's, in its own network."""
 PATIENCE_SECONDS = 240.0
 """For what takes seconds on an idle machine."""
 PROFILE = ("robot-twin", "robot-learner", "robot")
@@ -32,25 +33,23 @@ def server(tmp_path: Path) -> Iterator[RoleRedis]:
 
 
 class Profile:
-    """Runs services as processes: their ports are free ones, and their volumes lie in a folder."""
+    """Runs services as processes, whose volumes lie in a folder."""
 
     def __init__(self, stack: ExitStack, server: RoleRedis, folder: Path) -> None:
         self._stack, self._server, self._folder = stack, server, folder
-        self._port = free_port()
 
     def command(self, service: str) -> list[str]:
         """Return a service's command, in this test's places."""
         words: list[str] = services()[service]["command"]
-        replaced = {
-            f"--control {CONTROL_PORT}": f"--control {self._port} --left 0 --right 0",
-            f":{CONTROL_PORT}": f":{self._port}",
-            "/episodes": str(self._folder / "episodes"),
-            "/opt/taskschema/deploy": str(ROOT / "deploy/ray"),
-            "$$": "$",
-        }
-        for old, new in replaced.items():
-            words = [word.replace(old, new) for word in words]
-        return words
+        return [
+            self._here(word.replace("/opt/taskschema/deploy", str(ROOT / "deploy/ray"))) for word in words
+        ]
+
+    def _here(self, word: str) -> str:
+        """Return a word with volumes in this test's folder."""
+        for volume in ("/twin", "/episodes", "/runs"):
+            word = word.replace(volume, str(self._folder / volume[1:]))
+        return word.replace("$$", "$")
 
     def start(self, service: str, **own: str) -> "subprocess.Popen[str]":
         """Start a service, as its user of Redis; it ends with the test."""
@@ -61,7 +60,7 @@ class Profile:
             environment["TASKSCHEMA_REDIS_URL"] = self._server.url(role)
         path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
         places = {"TASKSCHEMA_RUNS": str(self._folder / "runs"), "PATH": path}
-        with self.log(service).open("w") as log:
+        with self.log(service).open("a") as log:
             process = self._stack.enter_context(
                 subprocess.Popen(
                     self.command(service),
@@ -72,7 +71,7 @@ class Profile:
                     text=True,
                 )
             )
-        self._stack.callback(process.terminate)
+        self._stack.callback(process.kill)
         return process
 
     def log(self, service: str) -> Path:
@@ -81,8 +80,9 @@ class Profile:
     def is_healthy(self, service: str) -> bool:
         (kind, check) = services()[service]["healthcheck"]["test"]
         assert kind == "CMD-SHELL"
-        here = check.replace(f"{CONTROL_PORT:04X}", f"{self._port:04X}").replace("$$", "$")
-        return subprocess.run(["sh", "-c", here]).returncode == 0
+        environment = {name: _default(value) for name, value in services()[service]["environment"].items()}
+        words = ["sh", "-c", self._here(check)]
+        return subprocess.run(words, env=os.environ | environment, capture_output=True).returncode == 0
 
 
 def _default(value: str) -> str:
@@ -92,32 +92,74 @@ def _default(value: str) -> str:
 
 
 @pytest.mark.timeout(900)
-def test_episodes_of_the_twin_reach_the_learner(server: RoleRedis, tmp_path: Path) -> None:
+def test_twin_and_agent_may_be_killed_at_any_time(server: RoleRedis, tmp_path: Path) -> None:
     run = settings()["TASKSCHEMA_ROBOT_RUN"]
     records = RunRecords(server.client("learner"))
     with ExitStack() as stack:
         profile = Profile(stack, server, tmp_path)
-        assert not profile.is_healthy("robot-twin")
-        profile.start("robot-twin")
-        options = "--slots 2 --rounds 2 --until-success 0 --set ppo.minibatches=1"
+        assert not any(profile.is_healthy(service) for service in PROFILE)
+        options = "--slots 2 --rounds 3 --until-success 0 --set ppo.minibatches=1"
         learner = profile.start("robot-learner", TASKSCHEMA_OPTIONS=options)
-        wait_until(lambda: run in records.runs(), seconds=PATIENCE_SECONDS)
+        twin = profile.start("robot-twin")
         wait_until(lambda: profile.is_healthy("robot-twin"), seconds=PATIENCE_SECONDS)
-        assert not profile.is_healthy("robot")
+        wait_until(lambda: run in records.runs(), seconds=PATIENCE_SECONDS)
+        assert profile.is_healthy("robot-learner")
         agent = profile.start("robot")
-        wait_until(lambda: profile.is_healthy("robot") or agent.poll() is not None, seconds=PATIENCE_SECONDS)
+        wait_until(lambda: _leased_by(server, run) is not None, seconds=PATIENCE_SECONDS)
+        assert profile.is_healthy("robot")
+        twin.kill()
+        assert agent.wait(PATIENCE_SECONDS) == 1, "so that its container is started again"
+        assert "is gone" in profile.log("robot").read_text()
+        assert not profile.is_healthy("robot")
+        assert not profile.is_healthy("robot-twin")
+
+        profile.start("robot-twin")
+        wait_until(lambda: profile.is_healthy("robot-twin"), seconds=PATIENCE_SECONDS)
+        agent = profile.start("robot")
+        wait_until(lambda: _kill_with_lease(agent, server, run), seconds=PATIENCE_SECONDS)
+        agent = profile.start("robot")
         assert learner.wait(PATIENCE_SECONDS) == 0, profile.log("robot-learner").read_text()
         assert agent.wait(PATIENCE_SECONDS) == 0, profile.log("robot").read_text()
     folder = RunFolder.open(tmp_path / "runs" / run)
-    assert [row.episodes for row in folder.read_metrics()] == [2, 4]
-    assert (tmp_path / "episodes" / run / "episodes.csv").read_text().count("\n") == 5
+    assert [row.episodes for row in folder.read_metrics()] == [2, 4, 6]
+    assert (tmp_path / "episodes" / run / "episodes.csv").read_text().count("\n") == 7
+
+
+def _leased_by(server: RoleRedis, run: str) -> bytes | None:
+    """Return who holds a lease of the run, if somebody does."""
+    try:
+        entries = work_entries(server.client("learner"), RunKeys(run))
+    except redis.ResponseError:
+        return None  # no round has been opened yet
+    return next((entry.agent for entry in entries if entry.is_open and entry.agent), None)
+
+
+def _kill_with_lease(agent: "subprocess.Popen[str]", server: RoleRedis, run: str) -> bool:
+    """Kill the agent if it holds a lease, which it can then not hand back."""
+    agent.send_signal(signal.SIGSTOP)
+    if (_leased_by(server, run) or b"").startswith(b"robot-"):
+        agent.kill()
+        agent.wait()
+        return True
+    agent.send_signal(signal.SIGCONT)
+    return False
+
+
+def test_an_agent_and_its_twin_fall_and_rise_apart() -> None:
+    """An engine starts no container into the network of one that is away, and does not try it again."""
+    found = services()
+    assert not [each["network_mode"] for each in found.values() if each.get("network_mode", "none") != "none"]
+    assert found["robot"]["hostname"], "its leases' holder has the same name in a new container"
 
 
 def test_the_twin_is_reached_by_its_agent_alone() -> None:
-    """It asks nobody for a password, so that it listens on loopback, which the agent shares."""
+    """It asks nobody for a password, so that it listens at files which only its agent shares."""
     found = services()
-    assert found["robot"]["network_mode"] == "service:robot-twin"
-    assert "networks" not in found["robot"]
+    assert found["robot-twin"]["network_mode"] == "none"
+    assert [name for name, each in found.items() if "twin:/twin" in each.get("volumes", [])] == [
+        "robot-twin",
+        "robot",
+    ]
     for service in PROFILE:
         assert found[service]["profiles"] == ["robot"]
         assert "ports" not in found[service]

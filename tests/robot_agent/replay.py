@@ -143,7 +143,7 @@ class Replay:
         client, frame = line.get("client", ""), line["frame"]
         event = frame.get("event", "") if isinstance(frame, dict) else ""
         if line["dir"] == "#" and event == "connected":
-            address = f"ws://127.0.0.1:{self._server.port}/{client}"
+            address = f"{self._server.url}/{client}"
             connection = await connect(address, compression=None, ping_interval=None)
             self._clients[client] = connection
             self._readers.append(asyncio.create_task(self._read(client, connection)))

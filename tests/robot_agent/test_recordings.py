@@ -172,7 +172,7 @@ def test_pings_of_the_bridge_drop_a_client_that_stopped_reading():
         server = BridgeServer(Bridge(RosGraph(), clock.now), ping_interval=1.0, ping_timeout=2.0)
         await server.start()
         try:
-            client = await connect(f"ws://127.0.0.1:{server.port}", ping_interval=None)
+            client = await connect(server.url, ping_interval=None)
             await asyncio.sleep(2.5)  # two pings are answered
             assert client.state is State.OPEN
             client.transport.pause_reading()

@@ -102,7 +102,8 @@ def test_a_kept_episode_is_delivered_without_moving_again(run, tmp_path):
     policy = Policy(first.bus.policy(lease), TASK.pairs, TASK.observation)
     trajectory = first.agent._perform(item, policy)
     first.agent._log.keep(item, [trajectory])
-    first.leave()  # killed before it could deliver
+    first.bus._heartbeat._stop.set()  # killed before it could deliver
+    first.bus._heartbeat._thread.join()
     second = AgentBench(run, tmp_path)
     second.serve(3)
     assert second.world.resets == 2

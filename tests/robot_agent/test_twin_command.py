@@ -4,10 +4,12 @@ import json
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from taskschema_robot.drivers.rosbridge import RosbridgeAddress, RosbridgeArm
+from taskschema_robot.errors import TwinError
 from taskschema_robot.twin.client import TwinClient
 from taskschema_robot.twin.lock_step import LockStepClock
 from taskschema_robot.twin.twin import FINGER_MOUNT
@@ -20,9 +22,10 @@ def run(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*COMMAND, *arguments], capture_output=True, text=True, timeout=120)
 
 
-@pytest.fixture
-def twin():
-    arguments = [*COMMAND, "twin", "--object", "water-bottle", *FREE_PORTS, "--lock-step", "--json"]
+@pytest.fixture(params=["ports", "files"])
+def twin(request, tmp_path):
+    places = FREE_PORTS if request.param == "ports" else ["--sockets", str(tmp_path / "twin")]
+    arguments = [*COMMAND, "twin", "--object", "water-bottle", *places, "--lock-step", "--json"]
     process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)
     try:
         yield process, json.loads(process.stdout.readline())
@@ -66,6 +69,32 @@ def test_bad_input_is_one_line_that_says_what_to_do():
     assert "left or right" in result.stderr
 
 
+@pytest.mark.parametrize("twin", ["files"], indirect=True)
+def test_only_the_owner_connects_to_a_twins_files(twin):
+    _, addresses = twin
+    modes = {Path(url.removeprefix("unix:")).stat().st_mode & 0o777 for url in addresses.values()}
+    assert modes == {0o600}
+
+
+@pytest.mark.parametrize("twin", ["files"], indirect=True)
+def test_a_twin_is_started_again_at_the_files_of_one_that_was_killed(twin):
+    process, addresses = twin
+    process.kill()
+    process.wait()
+    with pytest.raises(TwinError, match="start one with"):
+        TwinClient(addresses["control"])
+    folder = Path(addresses["control"].removeprefix("unix:")).parent
+    with subprocess.Popen([*COMMAND, "twin", "--sockets", folder, "--json"], stdout=subprocess.PIPE) as again:
+        try:
+            assert json.loads(again.stdout.readline()) == addresses
+            client = TwinClient(addresses["control"])
+            assert client.describe().name == "heavy-bar"
+            client.close()
+        finally:
+            again.kill()
+
+
+@pytest.mark.parametrize("twin", ["ports"], indirect=True)
 def test_a_port_in_use_is_named(twin):
     _, addresses = twin
     port = addresses["left"].rpartition(":")[2]

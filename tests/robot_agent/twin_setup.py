@@ -38,10 +38,10 @@ class RunningTwin:
 
     @property
     def control_url(self) -> str:
-        return f"ws://127.0.0.1:{self.service.control.port}"
+        return self.service.control.url
 
     def url(self, arm: int) -> str:
-        return f"ws://127.0.0.1:{self.twin.robots[arm].server.port}"
+        return self.twin.robots[arm].server.url
 
     def close(self) -> None:
         self.run(self.service.stop())

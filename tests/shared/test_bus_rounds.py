@@ -241,6 +241,21 @@ def test_lease_of_a_busy_worker_is_renewed(run: Run, monkeypatch: pytest.MonkeyP
         assert other.lease(100) == []
 
 
+def test_an_agent_that_was_killed_takes_up_again_what_it_had_leased(run: Run) -> None:
+    learner = run.learner()
+    learner.open_round(0, toy_snapshot(), range(8))
+    killed, again = (
+        WorkerBus(connect(run.url), run.name, "robot", kind="robot", lease_seconds=6 * 3600) for _ in range(2)
+    )
+    killed.join()
+    assert len(killed.lease(1)) == 8
+    killed._heartbeat._stop.set()  # as if it had been killed
+    killed._heartbeat._thread.join()
+    with again:
+        assert deliver(again) == list(range(8)), "at once, long before the leases expire"
+    assert len(gather(learner, 8)) == 8
+
+
 def test_leaving_worker_hands_its_leases_back(run: Run) -> None:
     learner = run.learner()
     learner.open_round(0, toy_snapshot(), range(8))

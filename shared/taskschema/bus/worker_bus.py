@@ -21,6 +21,7 @@ from taskschema.bus.records import RunRecords
 from taskschema.bus.work_stream import (
     HANDED_BACK,
     HANDED_BACK_IDLE_MS,
+    MOST_PENDING,
     ensure_group,
     open_count,
     read_item,
@@ -101,6 +102,8 @@ class WorkerBus:
     def join(self) -> RunConfig:
         """Say that the agent is there, and return the run's config; once joined, only the latter.
 
+        What an agent of the same name had leased and did not deliver is there for everybody again.
+
         Raises:
             UnknownNameError: if there is no such run.
             ConfigError: if the run speaks another protocol, or is served by another kind of agent.
@@ -110,6 +113,8 @@ class WorkerBus:
             config = self._records.config(self._run)
             self._compare(config)
             ensure_group(self._client, self._keys)
+            # Of an agent of this name that was killed: a robot's would wait for hours until they expire.
+            self._hand_back(self._left_behind())
             heartbeat = Heartbeat(self._client, self._keys, self._worker_id, self._kind)
             heartbeat.start()
             self._heartbeat, self._config = heartbeat, config
@@ -141,10 +146,17 @@ class WorkerBus:
         heartbeat, self._heartbeat, self._config = self._heartbeat, None, None
         held, self._held = list(self._held), {}
         heartbeat.stop()  # first: a beat would renew what is handed back
-        if held:
-            self._client.xclaim(
-                self._keys.work, GROUP, HANDED_BACK, 0, held, idle=HANDED_BACK_IDLE_MS, justid=True
-            )
+        self._hand_back(held)
+
+    def _left_behind(self) -> list[bytes]:
+        """Return what is leased under this agent's name."""
+        streams = self._client.xreadgroup(GROUP, self._worker_id, {self._keys.work: "0"}, count=MOST_PENDING)
+        return [entry_id for _, entries in streams for entry_id, _ in entries]
+
+    def _hand_back(self, entry_ids: list[bytes]) -> None:
+        if entry_ids:
+            idle = HANDED_BACK_IDLE_MS
+            self._client.xclaim(self._keys.work, GROUP, HANDED_BACK, 0, entry_ids, idle=idle, justid=True)
 
     @bus_errors()
     def lease(self, block_ms: int) -> list[Lease]:

@@ -67,7 +67,7 @@ def own_twin(stack: ExitStack, item: RobotObject) -> TwinClient:
     service = TwinService(item, TwinOptions(real_time=False, calibrated=True))
     io.run(service.start(), OWN_TWIN_SECONDS)
     stack.callback(lambda: io.run(service.stop(), OWN_TWIN_SECONDS))
-    client = TwinClient(f"ws://127.0.0.1:{service.control.port}", io)
+    client = TwinClient(service.control.url, io)
     stack.callback(client.close)
     return client
 
@@ -84,10 +84,10 @@ def twin_hardware(stack: ExitStack, client: TwinClient, period: float | None = N
     description = client.describe()
     real_time = description.real_time
     clock: Clock = RealClock() if real_time else LockStepClock(client)
-    urls = [f"ws://127.0.0.1:{port}" for port in description.ports]
     throttle = 0 if real_time or period is None else round(1e3 * (period - JITTER))
     addresses = [
-        RosbridgeAddress(url, rethink_gripper().closed, 0.5 if real_time else None, throttle) for url in urls
+        RosbridgeAddress(url, rethink_gripper().closed, 0.5 if real_time else None, throttle)
+        for url in description.urls
     ]
     io = clock.input_output if isinstance(clock, LockStepClock) else None
     drivers = [RosbridgeArm(name, address, clock, io) for name, address in zip(ARMS, addresses, strict=True)]

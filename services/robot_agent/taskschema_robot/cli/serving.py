@@ -17,6 +17,7 @@ from taskschema.errors import ConfigError
 from taskschema.tasks.registry import task_of
 from taskschema.tasks.scene_task import SceneTask
 from taskschema_robot.agent.episode import EpisodeRunner
+from taskschema_robot.agent.folder_lock import only_agent_of
 from taskschema_robot.agent.robot_agent import LEASE_SECONDS, RobotAgent
 from taskschema_robot.agent.stop_endpoint import StopEndpoint
 from taskschema_robot.agent.twin_world import TrueWorld
@@ -72,6 +73,7 @@ def serve(options: Serving, stop: threading.Event) -> None:
     limits = SafetyLimits(speed_ratio=options.speed_ratio, period=1.0 / options.rate)
     _log_to(folder)
     with ExitStack() as stack:
+        stack.enter_context(only_agent_of(folder))
         records = RunRecords(connect(url))
         config = records.config(run)
         task = task_of(config)

@@ -10,12 +10,13 @@ from collections.abc import Callable
 from typing import Any
 
 import msgspec
-from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidURI
 from websockets.protocol import State
 
 from taskschema_robot.drivers.input_output import InputOutput
 from taskschema_robot.errors import NotConnectedError
+from taskschema_robot.websocket_place import connecting
 
 logger = logging.getLogger(__name__)
 
@@ -39,7 +40,7 @@ class BridgeConnection:
     the world stands still until somebody asks for time, frames wait for just that: see `flush`.
 
     Args:
-        url: such as `ws://192.168.1.10:9090`.
+        url: such as `ws://192.168.1.10:9090`, or `unix:FILE` for a twin.
         on_publish: gets what subscribed topics bring.
         input_output: where it lives.
         ping_seconds: between pings, whose answers the bridge owes within twice that [s]; None: no pings, for
@@ -84,8 +85,9 @@ class BridgeConnection:
             ) from None
 
     async def _open(self, timeout: float) -> None:
-        self._socket = await connect(
-            self.url.rstrip("/") + self.path,
+        self._socket = await connecting(
+            self.url,
+            self.path,
             compression=None,
             open_timeout=timeout,
             close_timeout=1.0,
@@ -93,7 +95,6 @@ class BridgeConnection:
             ping_timeout=None if self._ping_seconds is None else 2.0 * self._ping_seconds,
             max_size=LARGEST_FRAME,
             max_queue=None,
-            proxy=None,
         )
         raw = self._socket.transport.get_extra_info("socket")
         raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)

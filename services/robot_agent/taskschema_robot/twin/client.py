@@ -5,7 +5,7 @@ from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
-from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import WebSocketException
 
 from taskschema.arrays import FloatArray
@@ -14,6 +14,7 @@ from taskschema_robot.drivers.input_output import InputOutputInTurn
 from taskschema_robot.errors import CameraError, TwinError
 from taskschema_robot.twin import control_messages as messages
 from taskschema_robot.twin.faults import FaultKind
+from taskschema_robot.websocket_place import connecting
 
 Expected = TypeVar("Expected")
 Result = TypeVar("Result")
@@ -29,7 +30,7 @@ class TwinClient:
     """Asks a twin for time, pictures and faults; from any thread, one request at a time.
 
     Args:
-        url: of the twin's control server, such as `ws://127.0.0.1:9190`.
+        url: of the twin's control server, such as `ws://127.0.0.1:9190` or `unix:/twin/control`.
         io: where the twin itself runs, if it is this process; None: the client makes a loop of its own.
 
     """
@@ -46,9 +47,7 @@ class TwinClient:
             raise TwinError(f"No twin at {url} ({error}): start one with `taskschema-robot twin`.") from None
 
     async def _connect(self) -> ClientConnection:
-        return await connect(
-            self.url, compression=None, ping_interval=None, max_size=LARGEST_ANSWER, proxy=None
-        )
+        return await connecting(self.url, compression=None, ping_interval=None, max_size=LARGEST_ANSWER)
 
     def run(self, work: Coroutine[Any, Any, Result]) -> Result:
         """Run what asks this twin.

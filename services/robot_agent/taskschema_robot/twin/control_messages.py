@@ -51,7 +51,7 @@ class Description(msgspec.Struct, tag="description", frozen=True):
 
     name: str
     """Of its object."""
-    ports: tuple[int, int]
+    urls: tuple[str, str]
     """Of the robots' bridges, left arm first."""
     real_time: bool
     time: float

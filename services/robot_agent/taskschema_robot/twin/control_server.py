@@ -4,12 +4,13 @@ import asyncio
 
 import msgspec
 import numpy as np
-from websockets.asyncio.server import Server, ServerConnection, serve
+from websockets.asyncio.server import Server, ServerConnection
 from websockets.exceptions import ConnectionClosed
 
 from taskschema_robot.errors import CameraError
 from taskschema_robot.twin import control_messages as messages
 from taskschema_robot.twin.twin import Twin
+from taskschema_robot.websocket_place import Place, listen
 
 ARRIVAL_SECONDS = 5.0
 """How long to wait for frames that a client says it has sent."""
@@ -18,27 +19,27 @@ LONGEST_ADVANCE = 3600.0
 
 
 class ControlServer:
-    """Serves one twin on a port of the loopback interface.
+    """Serves one twin on a port of the loopback interface, or at a file.
 
     Args:
         twin: to be controlled.
-        port: to listen on; 0: a free one.
+        place: to listen at.
 
     """
 
-    def __init__(self, twin: Twin, port: int = 0) -> None:
+    def __init__(self, twin: Twin, place: Place = 0) -> None:
         self._twin = twin
         self._decoder: msgspec.json.Decoder[messages.Request] = msgspec.json.Decoder(messages.Request)
         self._server: Server | None = None
-        self.port = port
-        """In use."""
+        self._place = place
+        self.url = ""
+        """Where it listens, once it does."""
 
     async def start(self) -> None:
         """Listen."""
-        self._server = await serve(
-            self._serve, "127.0.0.1", self.port, compression=None, ping_interval=None, max_size=100_000
+        self._server, self.url = await listen(
+            self._place, self._serve, compression=None, ping_interval=None, max_size=100_000
         )
-        self.port = next(iter(self._server.sockets)).getsockname()[1]
 
     async def stop(self) -> None:
         """Close all connections and stop listening."""
@@ -85,7 +86,7 @@ class ControlServer:
                 raise ValueError("an arm is 0 (left), 1 (right), or null for both")
             twin.inject(request.kind, request.arm, active=request.active, value=request.value)
             return messages.Done()
-        left, right = (robot.server.port for robot in twin.robots)
+        left, right = (robot.server.url for robot in twin.robots)
         return messages.Description(twin.name, (left, right), twin.options.real_time, twin.now())
 
     async def _advance(self, request: messages.Advance) -> messages.Answer:

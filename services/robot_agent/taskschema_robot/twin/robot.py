@@ -8,6 +8,7 @@ from taskschema_robot.twin.ros.server import BridgeServer
 from taskschema_robot.twin.sawyer.joint_control import JointControl
 from taskschema_robot.twin.sawyer.node import SawyerNode
 from taskschema_robot.twin.world import World
+from taskschema_robot.websocket_place import Place
 
 REAL_LINK_DELAY = 0.2
 """How long a new connection between bridge and node takes in real time [s]."""
@@ -20,13 +21,13 @@ class TwinRobot:
         world: that both arms share.
         arm: 0 left, 1 right.
         now: the twin's time [s since the epoch].
-        port: of its bridge; 0: a free one.
+        place: of its bridge.
         link_delay: see `Bridge`.
 
     """
 
     def __init__(
-        self, world: World, arm: int, now: Callable[[], float], port: int, link_delay: float
+        self, world: World, arm: int, now: Callable[[], float], place: Place, link_delay: float
     ) -> None:
         self._world = world
         self._arm = arm
@@ -39,7 +40,7 @@ class TwinRobot:
         self.control = JointControl(world.arms[arm].kinematics, world.positions(arm))
         self.node = SawyerNode(graph, self.control, now, self.clock)
         self.bridge = Bridge(graph, now, link_delay, stamp=self.clock)
-        self.server = BridgeServer(self.bridge, port)
+        self.server = BridgeServer(self.bridge, place)
         self._held_travel: float | None = None
 
     def clock(self) -> float:

@@ -13,6 +13,7 @@ from taskschema_robot.twin.picture import PictureTaker
 from taskschema_robot.twin.scene import physics_model, picture_model
 from taskschema_robot.twin.twin import Twin, TwinOptions
 from taskschema_robot.twin.world import World
+from taskschema_robot.websocket_place import Place
 
 
 def pose_on_table(robot_object: RobotObject, x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> FloatArray:
@@ -36,17 +37,17 @@ class TwinService:
     Args:
         robot_object: what stands on the table, in its middle at first.
         options: how it runs.
-        control_port: of the control server; 0: a free one.
+        control: where the control server listens.
 
     """
 
-    def __init__(self, robot_object: RobotObject, options: TwinOptions, control_port: int = 0) -> None:
+    def __init__(self, robot_object: RobotObject, options: TwinOptions, control: Place = 0) -> None:
         # Hands start where every task's episodes start: beside the object, well above the table.
         world = World(physics_model(robot_object), LateralLifting().home_joints, options.finger_mount)
         world.place_object(pose_on_table(robot_object))
         camera = PictureTaker(picture_model(robot_object))
         self.twin = Twin(robot_object.name, world, camera, options)
-        self.control = ControlServer(self.twin, control_port)
+        self.control = ControlServer(self.twin, control)
         self._running: asyncio.Task[None] | None = None
 
     async def start(self) -> None:

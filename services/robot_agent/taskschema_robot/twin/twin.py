@@ -12,6 +12,7 @@ from taskschema_robot.twin.faults import FaultKind
 from taskschema_robot.twin.picture import Exposure, PictureTaker
 from taskschema_robot.twin.robot import REAL_LINK_DELAY, TwinRobot
 from taskschema_robot.twin.world import TIMESTEP, World
+from taskschema_robot.websocket_place import Place
 
 STEPS_PER_STATE = 2
 PERIOD = STEPS_PER_STATE * TIMESTEP
@@ -30,8 +31,8 @@ class TwinOptions:
 
     real_time: bool = True
     """Whether its clock is the machine's; otherwise it stands still until a client asks for time."""
-    ports: tuple[int, int] = (0, 0)
-    """Of the robots' bridges, left arm first; 0: a free one."""
+    places: tuple[Place, Place] = (0, 0)
+    """Where the robots' bridges listen, left arm first."""
     finger_mount: float = FINGER_MOUNT
     """Opening between the pads with the grippers fully closed [m]: as their fingers are screwed on."""
     calibrated: bool = False
@@ -55,7 +56,7 @@ class Twin:
         self._ticks = 0
         delay = REAL_LINK_DELAY if options.real_time else 0.0
         self.robots = tuple(
-            TwinRobot(world, arm, self.now, port, delay) for arm, port in enumerate(options.ports)
+            TwinRobot(world, arm, self.now, place, delay) for arm, place in enumerate(options.places)
         )
         for robot in self.robots:
             robot.node.gripper.calibrated = options.calibrated

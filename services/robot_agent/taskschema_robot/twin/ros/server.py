@@ -4,12 +4,13 @@ import asyncio
 from collections import deque
 from http import HTTPStatus
 
-from websockets.asyncio.server import Server, ServerConnection, serve
+from websockets.asyncio.server import Server, ServerConnection
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from taskschema_robot.twin.ros.bridge import Bridge
 from taskschema_robot.twin.ros.session import BridgeSession, FragmentStore
+from taskschema_robot.websocket_place import Place, listen
 
 CONGESTED = 40
 """Frames waiting for one client at which it counts as a slow reader, beside what the system holds."""
@@ -72,26 +73,32 @@ class ClientLink:
 
 
 class BridgeServer:
-    """Serves a bridge on one port of the loopback interface.
+    """Serves a bridge on one port of the loopback interface, or at a file.
 
     Any path is accepted, no compression is agreed on and, unless asked for, no pings are sent: as rosbridge
     does by default. Clients that connect by a path of their own can be found by it.
 
     Args:
         bridge: what the clients reach.
-        port: to listen on; 0: a free one.
+        place: to listen at.
         ping_interval: of pings of its own [s]; None: none.
         ping_timeout: after which a client that does not answer them is dropped [s].
 
     """
 
     def __init__(
-        self, bridge: Bridge, port: int = 0, ping_interval: float | None = None, ping_timeout: float = 20.0
+        self,
+        bridge: Bridge,
+        place: Place = 0,
+        ping_interval: float | None = None,
+        ping_timeout: float = 20.0,
     ) -> None:
         self.bridge = bridge
         self.links: dict[str, ClientLink] = {}
         """Open connections by path."""
-        self._port = port
+        self.url = ""
+        """Where it listens, once it does."""
+        self._place = place
         self._pings = (ping_interval, ping_timeout)
         self._fragments = FragmentStore()
         self._count = 0
@@ -99,18 +106,12 @@ class BridgeServer:
         self._flowing = asyncio.Event()
         self._flowing.set()
 
-    @property
-    def port(self) -> int:
-        """The port in use."""
-        return self._port
-
     async def start(self) -> None:
         """Listen."""
         interval, timeout = self._pings
-        self._server = await serve(
+        self._server, self.url = await listen(
+            self._place,
             self._serve,
-            "127.0.0.1",
-            self._port,
             process_request=_plain_http,
             compression=None,
             ping_interval=interval,
@@ -118,7 +119,6 @@ class BridgeServer:
             close_timeout=CLOSE_SECONDS,
             max_size=LARGEST_FRAME,
         )
-        self._port = next(iter(self._server.sockets)).getsockname()[1]
 
     async def stop(self) -> None:
         """Close all connections and stop listening."""
