@@ -13,6 +13,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from tests.compose.commands import ask_the_tools, press_the_emergency_stop
 from tests.compose.comparison import embedded_hash, finish
 from tests.compose.engine import SkippedError, compose_command
 from tests.compose.schema_watch import SchemaWatch
@@ -71,6 +72,7 @@ def check(stack: Stack) -> str:
     say(f"training {rounds} rounds embedded")
     there = embedded_hash(stack, TASK, rounds)
     assert here == there, f"the run's hash after {rounds} rounds is {here}, embedded it is {there}"
+    ask_the_tools(stack)
     check_secrets_at_rest(stack)
     return (
         f"workers 2 -> 6 in {grown:.0f} s, 6 -> 1 in {shrunk:.0f} s; two rounds {learner_back:.0f} s after "
@@ -152,6 +154,7 @@ def run_the_twin(stack: Stack) -> float:
     say(f"robot-twin stopped and started: two rounds after {stack.rounds_pass(2, ROBOT_RUN):.0f} s")
     for service in ("robot-twin", "robot"):
         kill_processes(stack, service, ROBOT_RUN)
+    say(f"emergency stop pressed and released: next round after {press_the_emergency_stop(stack):.0f} s")
     return seconds
 
 
