@@ -15,7 +15,7 @@ from tests.compose.engine import ROOT
 
 PROJECT = "taskschema-test"
 RUN, ROBOT_RUN = "compose-test", "compose-test-robot"
-ROBOT_SLOTS = 4
+ROBOT_SLOTS = 2
 """Episodes a round of the robot's run: the paper's 167 take minutes on the twin."""
 PROFILES = ("--profile", "tools", "--profile", "robot")
 
@@ -31,7 +31,7 @@ class Stack:
 
     """
 
-    def __init__(self, compose: list[str], folder: Path, task: str, patience: float = 240.0) -> None:
+    def __init__(self, compose: list[str], folder: Path, task: str, patience: float = 480.0) -> None:
         self._patience = patience
         self._settings = folder / "compose.env"
         self._port = _free_port()
