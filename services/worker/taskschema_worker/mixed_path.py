@@ -32,7 +32,9 @@ class MixedPath:
         if arms is None:
             arms = np.arange(len(self.duration))
         shape = (len(arms), len(times))
-        joints, velocities, opening = np.empty((*shape, 7)), np.empty((*shape, 7)), np.empty(shape)
+        # In memory joints come first, as in what `ArmPath.sample` returns: whole rows are copied.
+        joints, velocities = np.moveaxis(np.empty((2, 7, *shape)), 1, 3)
+        opening = np.empty(shape)
         place = np.full(len(self.duration), -1)
         place[arms] = np.arange(len(arms))
         for rows, path in self._parts:

@@ -69,32 +69,31 @@ class ArmPath:
         """
         span, moving, cubics = self._cubics
         chosen = np.arange(len(self.times)) if rows is None else rows
-        knots, count = self.joints.shape[1:]
-        interval = _last_knots(self.times[chosen], times) + chosen[:, None] * knots
+        interval = _last_knots(self.times[chosen], times) + chosen[:, None] * self.times.shape[1]
         u = np.where(moving.take(interval), (times - self.times.take(interval)) / span.take(interval), 0.0)
-        coefficients = cubics.reshape(-1, 4 * count).take(interval, axis=0)
-        c0, c1, c2, c3 = (coefficients[..., part * count : (part + 1) * count] for part in range(4))
-        u = u[:, :, None]
+        c0, c1, c2, c3 = (coefficient.take(interval, axis=1) for coefficient in cubics)
         joints = ((c3 * u + c2) * u + c1) * u + c0
-        velocities = ((3.0 * c3 * u + 2.0 * c2) * u + c1) / span.take(interval)[:, :, None]
-        return joints, velocities, self.opening.take(interval)
+        velocities = ((3.0 * c3 * u + 2.0 * c2) * u + c1) / span.take(interval)
+        return np.moveaxis(joints, 0, 2), np.moveaxis(velocities, 0, 2), self.opening.take(interval)
 
     @cached_property
     def _cubics(self) -> tuple[FloatArray, BoolArray, FloatArray]:
-        """Durations [N, P] from each knot on [s], whether it moves, and cubics [N, P, 4, 7] in their share.
+        """Durations [N, P] from each knot on [s], whether it moves, and cubics [4, 7, N * P] in their share.
 
         An interval of no duration is passed at once, and after the last knot the path holds.
         """
         span = np.diff(self.times, axis=1, append=np.inf)
         moving = (span > 0.0) & (span < np.inf)
         span = np.where(moving, span, 1.0)
-        p0, m0 = self.joints, self.velocities * span[:, :, None]
+        # Joints come first: what is stretched over them is then not innermost, where NumPy would be slow.
+        p0, speeds = (np.ascontiguousarray(np.moveaxis(at, 2, 0)) for at in (self.joints, self.velocities))
+        m0 = speeds * span
         change, m1 = np.zeros_like(p0), np.zeros_like(p0)
-        change[:, :-1] = np.diff(p0, axis=1)
-        m1[:, :-1] = self.velocities[:, 1:] * span[:, :-1, None]
-        cubics = np.stack([p0, m0, 3.0 * change - 2.0 * m0 - m1, m0 + m1 - 2.0 * change], axis=2)
-        cubics[:, :, 1:] *= moving[:, :, None, None]
-        return span, moving, cubics
+        change[:, :, :-1] = np.diff(p0, axis=2)
+        m1[:, :, :-1] = speeds[:, :, 1:] * span[:, :-1]
+        cubics = np.stack([p0, m0, 3.0 * change - 2.0 * m0 - m1, m0 + m1 - 2.0 * change])
+        cubics[1:] *= moving
+        return span, moving, cubics.reshape(4, len(p0), -1)
 
 
 def _last_knots(knots: FloatArray, times: FloatArray) -> IntArray:
