@@ -1,6 +1,7 @@
 """Forward kinematics and Jacobian of one serial arm, in batches."""
 
-from dataclasses import dataclass, replace
+import copy
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -39,7 +40,12 @@ class ArmKinematics:
 
     def at(self, position: FloatArray, rotation: FloatArray) -> "ArmKinematics":
         """Return the same arm with its base elsewhere."""
-        return replace(self, base_position=position, base_rotation=rotation)
+        moved = copy.copy(self)
+        # What follows from the chain alone is the same, and not computed again.
+        moved.__dict__.update(
+            base_position=position, base_rotation=rotation, _axes=self._axes, _tool=self._tool
+        )
+        return moved
 
     def rows(self, chosen: IntArray) -> "ArmKinematics":
         """Return the arm for the chosen rows of a batch only."""
@@ -54,13 +60,12 @@ class ArmKinematics:
 
     @cached_property
     def _axes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """X and y axes [J, 4] of the joints' frames in the ones before, and what does not turn [J, 4, 4]."""
-        x, y = (
-            np.concatenate([self.rotations[:, :, axis], np.zeros((self.joint_count, 1))], axis=1)
-            for axis in (0, 1)
-        )
-        fixed = np.zeros((self.joint_count, 4, 4))
-        fixed[:, :3, 2], fixed[:, :3, 3], fixed[:, 3, 3] = self.rotations[:, :, 2], self.positions, 1.0
+        """X and y axes [4, J, 1] of the joints' frames in the ones before; the rest of these [J, 1, 4, 4]."""
+        x, y = (np.zeros((4, self.joint_count, 1)) for _ in range(2))
+        x[:3, :, 0], y[:3, :, 0] = self.rotations[:, :, 0].T, self.rotations[:, :, 1].T
+        fixed = np.zeros((self.joint_count, 1, 4, 4))
+        fixed[:, 0, :3, 2], fixed[:, 0, :3, 3] = self.rotations[:, :, 2], self.positions
+        fixed[:, 0, 3, 3] = 1.0
         return x, y, fixed
 
     @cached_property
@@ -77,16 +82,16 @@ class ArmKinematics:
         """
         # Trigonometry runs on one contiguous array: strided and contiguous loops may differ in the last bit.
         angles = np.ascontiguousarray(joints, dtype=np.float64)
-        cosine, sine = np.cos(angles)[:, :, None], np.sin(angles)[:, :, None]
+        cosine, sine = np.ascontiguousarray(np.cos(angles).T), np.ascontiguousarray(np.sin(angles).T)
         x, y, fixed = self._axes
-        local = np.empty((len(angles), self.joint_count, 4, 4))
+        local = np.empty((self.joint_count, len(angles), 4, 4))
         local[:] = fixed
-        local[..., 0] = x * cosine + y * sine
-        local[..., 1] = y * cosine - x * sine
+        local[..., 0] = np.moveaxis(x * cosine + y * sine, 0, 2)
+        local[..., 1] = np.moveaxis(y * cosine - x * sine, 0, 2)
         frames = np.empty((self.joint_count + 1, len(angles), 4, 4))
-        frames[0] = local[:, 0]
+        frames[0] = local[0]
         for joint in range(1, self.joint_count):
-            np.matmul(frames[joint - 1], local[:, joint], out=frames[joint])
+            np.matmul(frames[joint - 1], local[joint], out=frames[joint])
         np.matmul(frames[-2], self._tool, out=frames[-1])
         return frames
 
@@ -108,13 +113,9 @@ class ArmKinematics:
         """
         frames = self._frames(joints)
         end = frames[-1]
-        axes, origins = frames[:-1, :, :3, 2], frames[:-1, :, :3, 3]
-        ax, ay, az = axes[..., 0].T, axes[..., 1].T, axes[..., 2].T
-        arms = end[:, :3, 3] - origins
-        rx, ry, rz = arms[..., 0].T, arms[..., 1].T, arms[..., 2].T
-        jacobian = np.empty((len(end), 6, self.joint_count))
-        jacobian[:, 0] = ay * rz - az * ry
-        jacobian[:, 1] = az * rx - ax * rz
-        jacobian[:, 2] = ax * ry - ay * rx
-        jacobian[:, 3], jacobian[:, 4], jacobian[:, 5] = ax, ay, az
-        return end[:, :3, 3], end[:, :3, :3], jacobian
+        # The batch comes last, where NumPy runs fastest: z axes and origins of the joints' frames [3, J, N].
+        axes, origins = np.ascontiguousarray(frames[:-1, :, :3, 2:].transpose(3, 2, 0, 1))
+        ax, ay, az = axes
+        rx, ry, rz = end[:, :3, 3].T[:, None] - origins
+        jacobian = np.stack([ay * rz - az * ry, az * rx - ax * rz, ax * ry - ay * rx, ax, ay, az])
+        return end[:, :3, 3], end[:, :3, :3], np.ascontiguousarray(np.moveaxis(jacobian, 2, 0))

@@ -63,38 +63,42 @@ def _iterate(
 ) -> tuple[FloatArray, BoolArray]:
     joints = np.clip(np.array(seed, dtype=np.float64), arm.lower, arm.upper)
     reached = np.zeros(len(joints), dtype=bool)
-    active = np.arange(len(joints))
+    active, now = np.arange(len(joints)), joints
     for _ in range(ITERATIONS):
-        here, facing, jacobian = arm.forward_and_jacobian(joints[active])
-        offset = position[active] - here
-        turn = rotation_error(rotation[active], facing)
+        here, facing, jacobian = arm.forward_and_jacobian(now)
+        offset, turn = position - here, rotation_error(rotation, facing)
         done = (_norm(offset) < POSITION_TOLERANCE) & (_norm(turn) < ORIENTATION_TOLERANCE)
-        reached[active[done]] = True
-        active = active[~done]
-        if not len(active):
-            break
-        step = _damped_step(jacobian[~done], offset[~done], turn[~done], weight)
-        joints[active] = np.clip(joints[active] + step, arm.lower, arm.upper)
+        if done.any():
+            reached[active[done]], joints[active[done]] = True, now[done]
+            going = np.flatnonzero(~done)
+            if not len(going):
+                return joints, reached
+            active, now, position, rotation = active[going], now[going], position[going], rotation[going]
+            jacobian, offset, turn = jacobian[going], offset[going], turn[going]
+        now = np.clip(now + _damped_step(jacobian, offset, turn, weight), arm.lower, arm.upper)
+    joints[active] = now
     return joints, reached
 
 
 def _damped_step(jacobian: FloatArray, offset: FloatArray, turn: FloatArray, weight: float) -> FloatArray:
     """Return the step J^T (J J^T + damping I)^-1 e [N, J] of the weighted error e."""
-    scale = np.array([1.0, 1.0, 1.0, weight, weight, weight])
-    weighted = jacobian * scale[:, None]
-    error = np.concatenate([offset, turn], axis=1) * scale
+    weighted = jacobian.copy()
+    weighted[:, 3:] *= weight
+    error = np.concatenate([offset, turn * weight], axis=1)
     damping = DAMPING * _norm(error) ** 2 + DAMPING_FLOOR
-    # Stacked products and solves run matrix by matrix: the batch size does not enter.
-    normal = weighted @ np.swapaxes(weighted, 1, 2)
-    normal[:, range(6), range(6)] += damping[:, None]
-    step = (np.swapaxes(weighted, 1, 2) @ np.linalg.solve(normal, error[:, :, None]))[:, :, 0]
+    transposed = np.swapaxes(weighted, 1, 2)
+    # Stacked products and solves run matrix by matrix: the batch size does not enter. One factor is a copy: a
+    # product of the very same numbers would go to a routine that is four times as slow for small matrices.
+    normal = weighted @ transposed.copy()
+    normal.reshape(-1, 36)[:, ::7] += damping[:, None]
+    step = (transposed @ np.linalg.solve(normal, error[:, :, None]))[:, :, 0]
     largest = np.abs(step).max(axis=1)
     return np.asarray(step * np.minimum(1.0, LARGEST_STEP / np.maximum(largest, 1e-12))[:, None])
 
 
 def _norm(vectors: FloatArray) -> FloatArray:
     """Return the lengths [N] of [N, d], summed in a fixed order."""
-    total = np.zeros(len(vectors))
-    for column in range(vectors.shape[1]):
+    total = vectors[:, 0] * vectors[:, 0]
+    for column in range(1, vectors.shape[1]):
         total = total + vectors[:, column] * vectors[:, column]
     return np.sqrt(total)

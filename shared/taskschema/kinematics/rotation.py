@@ -77,12 +77,11 @@ def rotation_error(target: AnyArray, current: AnyArray) -> FloatArray:
     """Return the world-frame rotation vector [N, 3] that turns `current` into `target`, both [N, 3, 3]."""
     m = target @ np.swapaxes(current, -1, -2)
     # Twice the sine of the angle along the axis; at exactly half a turn the axis is lost, and the error is 0.
-    axis = np.stack([m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]], axis=1)
-    x, y, z = axis[:, 0], axis[:, 1], axis[:, 2]
+    x, y, z = m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]
     sine = np.sqrt(x * x + y * y + z * z)
     angle = np.arctan2(sine, m[:, 0, 0] + m[:, 1, 1] + m[:, 2, 2] - 1.0)
     factor = np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 0.5)
-    return np.asarray(axis * factor[:, None])
+    return np.stack([x * factor, y * factor, z * factor], axis=1)
 
 
 def vertical_turn(angle: AnyArray) -> FloatArray:

@@ -68,10 +68,15 @@ def sawyer_pair() -> tuple[ArmKinematics, ArmKinematics]:
 
 def sawyers(sides: IntArray) -> ArmKinematics:
     """Return the arms of a batch: [N] 0 for the left one, 1 for the right one."""
-    left, right = sawyer_pair()
-    bases = np.stack([left.base_position, right.base_position])
-    rotations = np.stack([left.base_rotation, right.base_rotation])
+    bases, rotations = _bases()
     return sawyer().at(bases[sides], rotations[sides])
+
+
+@cache
+def _bases() -> tuple[FloatArray, FloatArray]:
+    """Return both arms' bases in the world frame: positions [2, 3] in metres and rotations [2, 3, 3]."""
+    pair = sawyer_pair()
+    return np.stack([arm.base_position for arm in pair]), np.stack([arm.base_rotation for arm in pair])
 
 
 @cache
