@@ -82,6 +82,15 @@ class Seconds(NamedTuple):
     update: float
 
 
+class Opening(NamedTuple):
+    """When the open round was opened."""
+
+    started: float
+    """[s] of the monotonic clock."""
+    seconds: float
+    """Until its policy and slots were published [s]."""
+
+
 class TrainingStoppedError(Exception):
     """Training was asked to stop between or within rounds; the run can be resumed."""
 
@@ -97,30 +106,40 @@ def train(parts: Parts, limits: Limits, context: TrainingContext, stop: threadin
     if parts.learner.version > 0:
         write_files(parts)
     parts.observer.on_start(context, parts.learner.version, progress)
+    opening: Opening | None = None
     while (reason := limits.reached(progress, parts.learner.version)) is None:
-        wait_while_paused(parts, stop)
-        round_index = parts.learner.version
-        bind(round=round_index)
-        started = time.monotonic()
-        parts.bus.open_round(round_index, parts.learner.snapshot(), range(parts.folder.config.slots))
-        published = time.monotonic()
+        if opening is None:
+            wait_while_paused(parts, stop)
+            opening = open_round(parts)
         trajectories = collect_round(parts, stop)
         collected = time.monotonic()
         statistics = parts.learner.update(trajectories)
         updated = time.monotonic()
         progress = progress.after(trajectories)
-        seconds = Seconds(published - started, collected - started, updated - collected)
+        seconds = Seconds(opening.seconds, collected - opening.started, updated - collected)
         metrics = measure(parts, trajectories, statistics, progress, seconds)
         parts.bus.verify_token()
         metrics = save_run(parts.folder, parts.learner, parts.bus.token, progress, metrics)
+        # What is durable can be built upon: workers run the next round while the world is told of this one.
+        goes_on = limits.reached(progress, parts.learner.version) is None
+        paused = parts.records.pause_requested(parts.folder.name)
+        opening = open_round(parts) if goes_on and not paused else None
         publish(parts, metrics)
-        parts.bus.trim(round_index)
+        parts.bus.trim(metrics.round)
         parts.observer.on_round(metrics, schema_view(parts), parts.learner.used_steps)
     return reason
 
 
+def open_round(parts: Parts) -> Opening:
+    """Publish the learner's policy, and offer every slot of the round that it is to collect."""
+    started, round_index = time.monotonic(), parts.learner.version
+    parts.bus.open_round(round_index, parts.learner.snapshot(), range(parts.folder.config.slots))
+    return Opening(started, time.monotonic() - started)
+
+
 def collect_round(parts: Parts, stop: threading.Event) -> list[Trajectory]:
     """Wait for every slot of the open round and return its trajectories, sorted by slot and episode."""
+    bind(round=parts.learner.version)
     slots = parts.folder.config.slots
     results: dict[int, list[Trajectory]] = {}
     while len(results) < slots:

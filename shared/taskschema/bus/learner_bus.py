@@ -259,12 +259,16 @@ class LearnerBus:
     def publish_update(
         self, snapshot: PolicySnapshot, document: SchemaDocument, metrics: RoundMetrics
     ) -> None:
-        """Publish what a round led to, in one transaction; a row that is there already is left alone."""
+        """Publish what a round led to, in one transaction; a row that is there already is left alone.
+
+        Once the next round is open, its policy is there and status names it.
+        """
 
         def write(records: RunRecords) -> None:
-            records.write_policy(self._run, snapshot)
             records.write_schema(document)
-            records.set_progress(self._run, round_index=metrics.round, version=snapshot.version)
+            if self._door.round <= metrics.round:
+                records.write_policy(self._run, snapshot)
+                records.set_progress(self._run, round_index=metrics.round, version=snapshot.version)
 
         self._write(write, [metrics])
 

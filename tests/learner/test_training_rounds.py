@@ -1,0 +1,70 @@
+"""When rounds open: workers run the next one while the world is told of the last."""
+
+from pathlib import Path
+
+import pytest
+
+from taskschema.bus.connection import connect
+from taskschema.bus.records import RunRecords
+from taskschema.config import RunConfig
+from taskschema.metrics import RoundMetrics
+from taskschema.schema import SchemaView
+from taskschema_learner.composition import TrainOptions, run_training
+from taskschema_learner.progress import Limits, Progress
+from taskschema_learner.training import TrainingContext
+
+ROUNDS = 3
+
+
+class Watcher:
+    """Notes which round status names, and which policy is published, when a round is announced."""
+
+    def __init__(self, redis_url: str, run: str) -> None:
+        self.records, self.run = RunRecords(connect(redis_url)), run
+        self.announced: list[tuple[int, int | None, int]] = []
+        self.pause_in: int | None = None
+
+    def on_start(self, context: TrainingContext, rounds_done: int, progress: Progress) -> None:
+        self.round = rounds_done
+
+    def on_collecting(self, slots_done: int, slots: int) -> None:
+        if self.round == self.pause_in:
+            self.records.request(self.run, "pause")
+
+    def on_round(self, metrics: RoundMetrics, schema: SchemaView, used_steps: int | None) -> None:
+        policy = self.records.policy(self.run)
+        assert policy is not None
+        self.announced.append((metrics.round, self.records.status(self.run).round, policy.version))
+        self.round += 1
+        self.records.request(self.run, "resume")
+
+    def on_finish(self, reason: str, finished: bool) -> None:
+        self.finished = finished
+
+
+@pytest.fixture
+def options(shared_redis, tmp_path: Path, request) -> TrainOptions:
+    name = f"rounds-{request.node.name.replace('_', '-')}"
+    return TrainOptions(
+        RunConfig(task="toy", slots=4),
+        tmp_path / name,
+        workers=0,
+        limits=Limits(None, ROUNDS),
+        redis=shared_redis.url,
+        api=None,
+    )
+
+
+def test_the_next_round_is_open_before_the_last_is_announced(options):
+    watcher = Watcher(options.redis, options.run_dir.name)
+    assert run_training(options, watcher)
+    # After the last one there is nothing to open: status still names it, on the policy that came of it.
+    assert watcher.announced == [(0, 1, 1), (1, 2, 2), (2, 2, 3)]
+    assert [row.round for row in watcher.records.curve(watcher.run)] == [0, 1, 2]
+
+
+def test_no_round_opens_while_the_run_is_to_pause(options):
+    watcher = Watcher(options.redis, options.run_dir.name)
+    watcher.pause_in = 1
+    assert run_training(options, watcher)
+    assert watcher.announced == [(0, 1, 1), (1, 1, 2), (2, 2, 3)]
