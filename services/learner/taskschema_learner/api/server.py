@@ -36,6 +36,8 @@ def serve(
     app = build_app(source, access, default_run)
     config = uvicorn.Config(
         app,
+        loop="uvloop",
+        http="httptools",
         log_level="warning",
         access_log=False,
         server_header=False,
