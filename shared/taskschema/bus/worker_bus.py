@@ -40,7 +40,7 @@ MOST_SHARED_SLOTS = 8
 """As many for agents that share their core with others, and its memory."""
 SHORTEST_BLOCK_MS = 100
 """An idle agent asks this often whether others' leases have expired [ms], as long as some are held."""
-MS_PER_AGENT = 10
+MS_PER_AGENT = 20
 """The more agents, the less often each one asks: all together once in so many milliseconds."""
 SLOTS_PER_TRANSACTION = 16
 """Bounds the memory of one delivery."""
