@@ -20,7 +20,7 @@ TIMESTEP = 0.001
 COARSER_TIMESTEP = 0.002
 """[s] of a second reference: how far the two agree is as far as two good physics can be expected to."""
 SOLVER = {"tolerance": "1e-10", "iterations": "200", "ls_iterations": "100"}
-PERTURBATION = {"lateral-lifting": 0.25, "picking": 0.13, "opening": 0.1, "rotating": 0.12}
+PERTURBATION = {"lateral-lifting": 0.25, "picking": 0.23, "opening": 0.1, "rotating": 0.12}
 """Standard deviation of the expert's noise by task, in normalised units (the search space is +-1), at which
 about half of the episodes fail."""
 SEED = 7

@@ -6,19 +6,10 @@ from bench.reference_physics import PERTURBATION, TIMESTEP, reference_model
 
 from taskschema.tasks.registry import get_task
 
-TOO_COARSE = {"picking", "opening"}
-"""Tasks whose perturbed experts' outcomes need finer steps than 8 ms: see docs/performance.md."""
-
-
-def marked(name: str):
-    # Strict: whoever mends the physics is told to take the task off the list.
-    missed = pytest.mark.xfail(strict=True, raises=AssertionError, reason="steps of 8 ms are too coarse")
-    return pytest.param(name, marks=missed if name in TOO_COARSE else ())
-
 
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
-@pytest.mark.parametrize("name", [marked(name) for name in PERTURBATION])
+@pytest.mark.parametrize("name", PERTURBATION)
 def test_outcomes_are_those_of_the_fine_reference(name):
     agreement = together(compare_physics(get_task(name)))
     # Where the expert nearly always or hardly ever succeeds, agreement would say nothing.

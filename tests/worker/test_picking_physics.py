@@ -98,7 +98,7 @@ def test_hands_that_no_longer_press_drop_the_ball(environment):
 def test_ball_slides_by_the_friction_that_was_drawn():
     """By hand: friction times gravity, also below the pads' and the table's own.
 
-    Less than that by what a ball that begins to roll takes of the (pyramidal) friction cone to resist it.
+    Less than that by what a ball that begins to roll takes of the friction cone to resist it.
     """
     frictions = np.array([0.05, 0.3, 0.8])
     simulation = Simulation(TASK, threads=1)

@@ -22,8 +22,7 @@ FRICTION_RANGE = (0.7, 1.0)
 ROLLING_RESISTANCE = 0.012
 """[m] how far ahead of its centre a rolling ball is supported: a soft ball that soon comes to rest."""
 TIMESTEP = 0.002
-"""[s] a ball that friction barely holds slips earlier with larger steps: with 8 ms one in four of the
-perturbed expert's episodes ends otherwise than with 1 ms."""
+"""[s] a ball that friction barely holds slips earlier with larger steps, see `bench.fidelity_causes`."""
 LIFT_GOAL = 0.25
 """[m] paper: 25 cm."""
 
@@ -66,7 +65,7 @@ class Picking(SceneTask):
         """One sphere with a free joint; its own friction counts, whatever touches it."""
         return f"""
         <mujoco>
-          <option timestep="{TIMESTEP}"/>
+          <option timestep="{TIMESTEP}" cone="elliptic"/>
           <worldbody>
             <body name="object">
               <freejoint name="object"/>
