@@ -18,6 +18,10 @@ from taskschema.arrays import FloatArray, IntArray
 from taskschema.config import RunConfig
 from taskschema.kinematics.sawyer import rethink_gripper
 from taskschema.policies import ActingPolicy, policy_of
+from taskschema.safety.limits import SafetyLimits
+from taskschema.safety.plan_checks import check_plan
+from taskschema.safety.refusal import Refusal
+from taskschema.safety.sweep import Sweep
 from taskschema.tasks.registry import get_task
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
 from taskschema.tasks.task import StepResult
@@ -27,10 +31,6 @@ from taskschema_learner.machine import machine
 from taskschema_learner.run_folder import RunFolder
 from taskschema_robot.agent.skill_step import StepPlanner
 from taskschema_robot.drivers.driver import ArmState, GripperState
-from taskschema_robot.safety.limits import SafetyLimits
-from taskschema_robot.safety.plan_checks import check_plan
-from taskschema_robot.safety.refusal import Refusal
-from taskschema_robot.safety.sweep import Sweep
 from taskschema_worker.rollout import collect_slots
 from taskschema_worker.scene_environment import SceneEnvironment
 

@@ -174,6 +174,12 @@ class Simulation:
         """Return measured joint velocities [M, 2, 7] of both arms [rad/s]."""
         return self.velocities[episodes][:, self.indices.arm_velocities]
 
+    def openings(self, episodes: IntArray) -> FloatArray:
+        """Return measured openings [M, 2] between the pads of both grippers [m]."""
+        fingers = self.positions[episodes][:, self.indices.finger_positions]
+        travel = fingers[:, :, 0] - fingers[:, :, 1] - 2.0 * self._finger_range[0]
+        return np.asarray(self._gripper.closed + travel)
+
     def object_poses(self, episodes: IntArray) -> FloatArray:
         """Return the object's pose [M, 7 + h]."""
         return self.positions[episodes][:, self.indices.object_pose]

@@ -12,8 +12,10 @@ import typer
 from taskschema_learner.cli import train_options as option
 
 if TYPE_CHECKING:
+    from taskschema.arrays import Float32Array
     from taskschema.bus.worker_info import AgentKind
     from taskschema.config import RunConfig
+    from taskschema.policies import PolicySnapshot
     from taskschema_learner.composition import TrainOptions
     from taskschema_learner.run_folder import RunFolder
 
@@ -37,6 +39,8 @@ def train(
     init_schema: option.InitSchema = None,
     freeze_schema: option.FreezeSchema = False,
     schema_public_key: option.SchemaPublicKey = None,
+    init_policy: option.InitPolicy = None,
+    safety_gate: option.SafetyGate = False,
     settings: option.Settings = None,
     until_success: option.UntilSuccess = 0.9,
     rounds: option.Rounds = None,
@@ -76,6 +80,7 @@ def train(
     tls = Tls.of(api_tls_cert, api_tls_key)
     first_trunk = read_trunk(vgg_weights)
     config = with_image_options(_with_options(config, given), given, first_trunk)
+    _require_useful_gate(config, agent)
     if config.observation == "image" and not resume:
         print(first_weights_sentence(config, vgg_weights))
 
@@ -83,6 +88,8 @@ def train(
     from taskschema_learner.composition import TrainOptions
     from taskschema_learner.progress import Limits
 
+    trunk = None if first_trunk is None else first_trunk.weights
+    config, initial = _with_initial_policy(config, init_policy, trunk)
     _run(
         TrainOptions(
             config=config,
@@ -95,7 +102,8 @@ def train(
             api=None if api == "none" else api,
             api_tls=tls,
             device=device,
-            trunk=None if first_trunk is None else first_trunk.weights,
+            trunk=trunk,
+            initial_policy=initial,
             agent=_agent_kind(agent),
         ),
         log_format,
@@ -168,7 +176,9 @@ def _with_options(config: "RunConfig", given: Mapping[str, Any]) -> "RunConfig":
     from taskschema.tasks.registry import read_task_file
 
     changes = {
-        name: given[name] for name in ("task", "policy", "observation", "seed", "slots") if name in given
+        name: given[name]
+        for name in ("task", "policy", "observation", "seed", "slots", "safety_gate")
+        if name in given
     }
     for name, kinds in (("policy", PolicyKind), ("observation", ObservationKind)):
         if name in changes and changes[name] not in get_args(kinds):
@@ -191,6 +201,50 @@ def _with_options(config: "RunConfig", given: Mapping[str, Any]) -> "RunConfig":
             raise ConfigError(f"--set takes FIELD=VALUE, such as ppo.learning_rate=0.005; got {text!r}.")
         assignments[field] = value
     return override(changed, assignments)
+
+
+def _require_useful_gate(config: "RunConfig", agent: str) -> None:
+    """Refuse a gate in simulation where nothing is simulated, or nothing has arms.
+
+    Raises:
+        ConfigError: that says so.
+
+    """
+    from taskschema.errors import ConfigError
+    from taskschema.tasks.registry import task_of
+    from taskschema.tasks.scene_task import SceneTask
+
+    if not config.safety_gate:
+        return
+    if agent == "robot":
+        raise ConfigError("A robot's own gate checks every motion: --safety-gate is for simulation alone.")
+    if not isinstance(task_of(config), SceneTask):
+        raise ConfigError(
+            f"Task {config.task!r} has no arms that a gate could stop: leave --safety-gate out."
+        )
+
+
+def _with_initial_policy(
+    config: "RunConfig", reference: str | None, trunk: "dict[str, Float32Array] | None"
+) -> "tuple[RunConfig, PolicySnapshot | None]":
+    """Return the config that starts from the policy that was named, and that policy.
+
+    Raises:
+        TaskschemaError: if there is none, or it does not fit.
+
+    """
+    if reference is None:
+        return config, None
+    import msgspec
+
+    from taskschema.tasks.registry import task_of
+    from taskschema_learner.initial_policy import read_initial_policy, require_fit
+
+    initial = read_initial_policy(reference)
+    require_fit(initial, config, task_of(config), trunk)
+    sha256 = initial.snapshot.sha256
+    print(f"The network starts from {initial.name}, version {initial.snapshot.version}, SHA-256 {sha256}.")
+    return msgspec.structs.replace(config, initial_policy=sha256), initial.snapshot
 
 
 def initial_logits(

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskschema.arrays import FloatArray, IntArray
-from taskschema_robot.safety.arm_model import FINGERS, HAND, LINKS, NEIGHBOURS, ArmModel
-from taskschema_robot.safety.limits import SafetyLimits
-from taskschema_robot.safety.motion import Motion
-from taskschema_robot.safety.refusal import Refusal, RefusalKind
+from taskschema.safety.arm_model import FINGERS, HAND, LINKS, NEIGHBOURS, ArmModel
+from taskschema.safety.limits import SafetyLimits
+from taskschema.safety.motion import Motion
+from taskschema.safety.refusal import Refusal, RefusalKind
 
 RECOVERY_SHARE = 0.7
 """Least share of their distance at the start that shapes keep which are too near at the start already."""

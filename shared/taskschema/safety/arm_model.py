@@ -9,8 +9,8 @@ import numpy as np
 from taskschema.arrays import FloatArray, IntArray
 from taskschema.kinematics.rotation import matrix_to_quaternion
 from taskschema.kinematics.sawyer import sawyer_pair
+from taskschema.safety.motion import HeldObject
 from taskschema.skills.pairs import ARMS
-from taskschema_robot.safety.motion import HeldObject
 
 JOINTS = 7
 TABLE_SIZE = (2.0, 2.0, 0.2)
