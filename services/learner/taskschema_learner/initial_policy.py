@@ -93,17 +93,29 @@ def _run_differences(theirs: RunConfig, ours: RunConfig, task: Task) -> Iterable
         ("steps an episode", other.horizon, task.horizon),
         ("skills", _skills(other), _skills(task)),
         ("chooses skills from the state", theirs.policy == "state", ours.policy == "state"),
-        ("arguments", _arguments(other, theirs), _arguments(task, ours)),
     ]
     if ours.observation == "image":
         rows.append(("trunk", theirs.image.trunk, ours.image.trunk))
         rows.append(("trunk's published weights", theirs.image.vgg_sha256, ours.image.vgg_sha256))
     else:
         rows.append(("hidden layers", theirs.network.hidden, ours.network.hidden))
-        rows.append(("what is observed", _fields(other), _fields(task)))
     for name, there, here in rows:
         if there != here:
             yield f"{name}: there {there}, here {here}"
+    if _skills(other) == _skills(task) and theirs.observation == ours.observation:
+        yield from _other_lines("argument", _arguments(other, theirs), _arguments(task, ours))
+        if ours.observation == "state":
+            yield from _other_lines("observed", _fields(other), _fields(task))
+
+
+def _other_lines(word: str, there: tuple[str, ...], here: tuple[str, ...]) -> Iterable[str]:
+    """Yield what one of two lists lacks, or that their order differs."""
+    only = [f"{name} there" for name in there if name not in here]
+    only += [f"{name} here" for name in here if name not in there]
+    if only:
+        yield f"{word} only {', '.join(only)}"
+    elif there != here:
+        yield f"{word}s in another order"
 
 
 def _shape_differences(snapshot: PolicySnapshot, config: RunConfig, task: Task) -> Iterable[str]:

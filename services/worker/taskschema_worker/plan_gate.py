@@ -8,7 +8,6 @@ from taskschema.arrays import BoolArray, FloatArray, IntArray
 from taskschema.safety.limits import SafetyLimits
 from taskschema.safety.motion import HeldObject, Motion, set_point_times
 from taskschema.safety.plan_checks import check_plan
-from taskschema.safety.refusal import Refusal
 from taskschema.safety.step_motion import hand_goal, held_object, is_closed, is_thick
 from taskschema.safety.sweep import Sweep
 from taskschema.tasks.scene_task import SceneTask
@@ -62,22 +61,17 @@ class PlanGate:
             paths: of the M left arms, then of the M right ones.
 
         """
-        found = [self.refusal(row, start, pairs, arguments, paths) for row in range(len(pairs))]
-        return np.array([refusal is not None for refusal in found], dtype=bool)
+        found = np.zeros(len(pairs), dtype=bool)
+        for row, measured in enumerate(start.joints):
+            motion = self.motion(row, start, int(pairs[row]), arguments[row], paths)
+            refusal = check_plan(motion, measured, self._limits, start.set_points[row])
+            found[row] = refusal is not None or self._sweep.refuses(motion, measured)
+        return found
 
-    def refusal(
-        self, row: int, start: StepStart, pairs: IntArray, arguments: FloatArray, paths: MixedPath
-    ) -> Refusal | None:
-        """Return why one episode's step must not be made, or None; arguments as in `refused`."""
-        motion = self._motion(row, start, int(pairs[row]), arguments[row], paths)
-        measured = start.joints[row]
-        refusal = check_plan(motion, measured, self._limits, start.set_points[row])
-        return refusal or self._sweep.check(motion, measured)
-
-    def _motion(
+    def motion(
         self, row: int, start: StepStart, pair: int, arguments: FloatArray, paths: MixedPath
     ) -> Motion:
-        """Return the set-points that the robot's agent would stream."""
+        """Return the set-points that the robot's agent would stream for one of the episodes."""
         arms = np.array([row, row + len(start.joints)])
         times = set_point_times(float(paths.duration[arms].max()), self._limits.period)
         joints, _, opening = paths.sample(times, arms)
