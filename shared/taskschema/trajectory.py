@@ -68,7 +68,7 @@ class _Message(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     diverged: bool
     attempt: int
     physics_steps: int
-    refused: int
+    refused: int = 0  # a robot's own log may hold episodes from before there was this field
 
 
 class _SlotMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -71,7 +71,16 @@ class PlanGate:
     def motion(
         self, row: int, start: StepStart, pair: int, arguments: FloatArray, paths: MixedPath
     ) -> Motion:
-        """Return the set-points that the robot's agent would stream for one of the episodes."""
+        """Return the set-points that the robot's agent would stream for one of the episodes.
+
+        Args:
+            row: of the episode among M.
+            start: of all M steps.
+            pair: the episode's.
+            arguments: [A] the episode's.
+            paths: of all 2 M arms.
+
+        """
         arms = np.array([row, row + len(start.joints)])
         times = set_point_times(float(paths.duration[arms].max()), self._limits.period)
         joints, _, opening = paths.sample(times, arms)

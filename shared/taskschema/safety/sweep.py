@@ -186,9 +186,8 @@ class Sweep:
         held = tuple(thing is not None for thing in motion.held)
         if held not in self._tables:
             pairs = self._pairs(motion)
-            first, second = (
-                np.array([getattr(pair, side) for pair in pairs]) for side in ("first", "second")
-            )
+            first = np.array([pair.first for pair in pairs])
+            second = np.array([pair.second for pair in pairs])
             on_table = second == self._model.index(None, "table")
             between = 0.5 * self._limits.sweep_resolution * (2.0 - on_table)
             need = np.array([pair.clearance for pair in pairs]) + between
