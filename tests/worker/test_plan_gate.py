@@ -16,7 +16,7 @@ from taskschema_learner.initial_weights import first_weights
 from taskschema_robot.agent.skill_step import StepPlanner
 from taskschema_robot.drivers.driver import ArmState, GripperState
 from taskschema_worker.environments import environment_of
-from taskschema_worker.plan_gate import SET_POINT_PERIOD, PlanGate
+from taskschema_worker.plan_gate import ROBOT_OPENING, SET_POINT_PERIOD, PlanGate
 from taskschema_worker.rollout import collect_slots
 from taskschema_worker.scene_environment import SceneEnvironment
 
@@ -48,7 +48,6 @@ def grasps(observations, apart):
     arguments = BAR.expert_arguments(observations, 0)
     for arm in (0, 1):
         columns = SPACE.columns(arm, 0)
-        arguments[:, columns][:, :2] *= apart
         arguments[:, columns.start : columns.start + 2] *= apart
     return np.full(len(observations), SPACE.index("top_grasp", "top_grasp")), arguments
 
@@ -74,10 +73,16 @@ def slice_of(name):
     return BAR.observation.slices[name]
 
 
-def test_what_is_let_through_moves_as_it_does_without_a_gate():
-    """Some episodes are refused beside it: those that are not go on to the bit as if there were no gate."""
+class OpenGate(PlanGate):
+    """Refuses nothing."""
+
+    def refused(self, start, pairs, arguments, paths):
+        return np.zeros(len(pairs), dtype=bool)
+
+
+def test_what_is_let_through_moves_as_if_nothing_else_were_refused():
     gated, observations = begun(PlanGate(BAR))
-    free, _ = begun()
+    free, _ = begun(OpenGate(BAR))
     pairs, arguments = grasps(observations, apart=1.0)
     _, close = grasps(observations, apart=0.1)
     arguments[::2] = close[::2]
@@ -90,6 +95,31 @@ def test_what_is_let_through_moves_as_it_does_without_a_gate():
         pairs = np.full(6, SPACE.index("lift", "lift"))
     assert first.success[1::2].all()
     assert not first.success[::2].any()
+
+
+def test_the_outcome_is_where_the_step_ends():
+    """Hands that rise by 28 and 45 cm pass the goal together and leave the bar tilted: a camera sees that."""
+    gated, observations = begun(PlanGate(BAR))
+    free, _ = begun()
+    pairs, arguments = grasps(observations, apart=1.0)
+    lift = np.full(6, SPACE.index("lift", "lift"))
+    for arm, distance in enumerate((0.28, 0.45)):
+        arguments[:, SPACE.columns(arm, 1)] = distance
+    episodes = np.arange(6)
+    outcomes = []
+    for world in (gated, free):
+        world.step(episodes, pairs, arguments)
+        outcomes.append(world.step(episodes, lift, arguments).success)
+    assert not outcomes[0].any()
+    assert outcomes[1].all()
+
+
+def test_hands_open_as_far_as_the_robot_s():
+    gated, _ = begun(PlanGate(BAR), count=1)
+    free, _ = begun(count=1)
+    episode = np.array([0])
+    np.testing.assert_allclose(gated._simulation.openings(episode), ROBOT_OPENING, atol=1e-9)
+    assert (free._simulation.openings(episode) > 0.078).all()
 
 
 def state_of(start, row, arm):

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskschema.arrays import BoolArray, FloatArray, IntArray
+from taskschema.kinematics.sawyer import GRIPPER_STROKE, rethink_gripper
 from taskschema.safety.limits import SafetyLimits
 from taskschema.safety.motion import HeldObject, Motion, set_point_times
 from taskschema.safety.plan_checks import check_plan
@@ -15,6 +16,10 @@ from taskschema_worker.mixed_path import MixedPath
 
 SET_POINT_PERIOD = 0.02
 """Between the set-points that are checked [s]: 50 a second, as the robot's agent streams in training."""
+
+ROBOT_OPENING = rethink_gripper().closed + GRIPPER_STROKE
+"""Between the pads of the robot's open gripper [m]: the electric gripper's fingers travel less than the
+simulated ones."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from taskschema.tasks.scene_observation import observe
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
 from taskschema.tasks.task import StepResult
 from taskschema_worker.mixed_path import MixedPath
-from taskschema_worker.plan_gate import PlanGate, StepStart
+from taskschema_worker.plan_gate import ROBOT_OPENING, PlanGate, StepStart
 from taskschema_worker.simulation import Simulation
 
 CHUNK_SECONDS = 0.064
@@ -28,7 +28,9 @@ class SceneEnvironment:
         task: see `Simulation`.
         threads: the same.
         model: the same.
-        gate: steps that it refuses are not made: the arms stay, and the step counts; None: all are made.
+        gate: steps are made as the robot's agent makes them: what this refuses is not made, the arms stay
+            and the step counts; hands open as far as the robot's; and the goal is tested where a step ends.
+            None: all steps are made, and the goal is tested along the motion, too.
 
     """
 
@@ -41,7 +43,7 @@ class SceneEnvironment:
     ) -> None:
         self._task = task
         self._gate = gate
-        self._simulation = Simulation(task, threads, model)
+        self._simulation = Simulation(task, threads, model, None if gate is None else ROBOT_OPENING)
         self._chunk = round(CHUNK_SECONDS / self._simulation.timestep)
         self.measure_distance = False
         """Whether to keep each episode's smallest `goal_distance` in `closest`: for an audit's searches."""
@@ -173,13 +175,17 @@ class SceneEnvironment:
             first = chunk % STRETCH_CHUNKS * size
             part = controls[place[rows], first : first + size]
             advance = self._simulation.advance(episodes[rows], part)
-            reached = self._task.goal_reached(self._start[episodes[rows]], advance.object_poses)
+            if self._gate is None:
+                reached = self._task.goal_reached(self._start[episodes[rows]], advance.object_poses)
+                success[rows] = reached.any(axis=1) & ~advance.diverged
             if self.measure_distance:
                 distance = self._task.goal_distance(self._start[episodes[rows]], advance.object_poses)
                 self.closest[episodes[rows]] = np.minimum(self.closest[episodes[rows]], distance.min(axis=1))
-            success[rows] = reached.any(axis=1) & ~advance.diverged
             diverged[rows] = advance.diverged
             steps[rows] += size
+        if self._gate is not None:
+            ends = self._simulation.object_poses(episodes)[:, None]
+            success = self._task.goal_reached(self._start[episodes], ends)[:, 0] & ~diverged
         return success, diverged, steps
 
     def _controls(self, paths: MixedPath, rows: IntArray, first: int, steps: int) -> FloatArray:
