@@ -88,7 +88,7 @@ def require_fit(
 def _run_differences(theirs: RunConfig, ours: RunConfig, task: Task) -> Iterable[str]:
     """Yield what about their run makes its network another one."""
     other = task_of(theirs)
-    rows = [
+    rows: list[tuple[str, object, object]] = [
         ("observation", theirs.observation, ours.observation),
         ("steps an episode", other.horizon, task.horizon),
         ("skills", _skills(other), _skills(task)),

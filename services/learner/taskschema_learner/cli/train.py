@@ -12,10 +12,8 @@ import typer
 from taskschema_learner.cli import train_options as option
 
 if TYPE_CHECKING:
-    from taskschema.arrays import Float32Array
     from taskschema.bus.worker_info import AgentKind
     from taskschema.config import RunConfig
-    from taskschema.policies import PolicySnapshot
     from taskschema_learner.composition import TrainOptions
     from taskschema_learner.run_folder import RunFolder
 
@@ -64,6 +62,7 @@ def train(
     from taskschema.errors import ConfigError
     from taskschema_learner.api.transport import Tls
     from taskschema_learner.cli.image_options import first_weights_sentence, read_trunk, with_image_options
+    from taskschema_learner.cli.transfer import with_initial_policy
 
     if ray is not None and redis is None:
         raise ConfigError("--ray needs --redis: a cluster's workers cannot reach the Redis inside this run.")
@@ -88,8 +87,8 @@ def train(
     from taskschema_learner.composition import TrainOptions
     from taskschema_learner.progress import Limits
 
-    trunk = None if first_trunk is None else first_trunk.weights
-    config, initial = _with_initial_policy(config, init_policy, trunk)
+    trunk_weights = None if first_trunk is None else first_trunk.weights
+    config, initial = with_initial_policy(config, init_policy, trunk_weights)
     _run(
         TrainOptions(
             config=config,
@@ -102,7 +101,7 @@ def train(
             api=None if api == "none" else api,
             api_tls=tls,
             device=device,
-            trunk=trunk,
+            trunk=trunk_weights,
             initial_policy=initial,
             agent=_agent_kind(agent),
         ),
@@ -174,6 +173,7 @@ def _with_options(config: "RunConfig", given: Mapping[str, Any]) -> "RunConfig":
     from taskschema.config import ObservationKind, PolicyKind, override
     from taskschema.errors import ConfigError, UnknownNameError
     from taskschema.tasks.registry import read_task_file
+    from taskschema_learner.cli.transfer import initial_logits
 
     changes = {
         name: given[name]
@@ -222,62 +222,6 @@ def _require_useful_gate(config: "RunConfig", agent: str) -> None:
         raise ConfigError(
             f"Task {config.task!r} has no arms that a gate could stop: leave --safety-gate out."
         )
-
-
-def _with_initial_policy(
-    config: "RunConfig", reference: str | None, trunk: "dict[str, Float32Array] | None"
-) -> "tuple[RunConfig, PolicySnapshot | None]":
-    """Return the config that starts from the policy that was named, and that policy.
-
-    Raises:
-        TaskschemaError: if there is none, or it does not fit.
-
-    """
-    if reference is None:
-        return config, None
-    import msgspec
-
-    from taskschema.tasks.registry import task_of
-    from taskschema_learner.initial_policy import read_initial_policy, require_fit
-
-    initial = read_initial_policy(reference)
-    require_fit(initial, config, task_of(config), trunk)
-    sha256 = initial.snapshot.sha256
-    print(f"The network starts from {initial.name}, version {initial.snapshot.version}, SHA-256 {sha256}.")
-    return msgspec.structs.replace(config, initial_policy=sha256), initial.snapshot
-
-
-def initial_logits(
-    reference: str, config: "RunConfig", public_key: Path | None = None
-) -> tuple[tuple[float, ...], ...]:
-    """Return the logits of a schema file, or of a run.
-
-    Raises:
-        TaskschemaError: if there is none, it does not fit the task, or the owner of a configured public key
-            did not sign it.
-
-    """
-    from taskschema.errors import SignatureError
-    from taskschema.schema import logits_from_document
-    from taskschema.tasks.registry import task_of
-    from taskschema_learner.cli.run_reference import find_run
-    from taskschema_learner.schema_file import read_schema
-    from taskschema_learner.signing import read_public_key
-
-    path = Path(reference)
-    trusted = None if public_key is None else read_public_key(public_key)
-    if path.is_file():
-        document = read_schema(path, trusted)
-    else:
-        folder = find_run(reference)
-        if trusted is not None:
-            raise SignatureError(
-                f"Run {folder.name} is not signed, and a public key is configured: take the file that "
-                f"`taskschema schema {reference} --export FILE` writes."
-            )
-        document = folder.read_schema()
-    task = task_of(config)
-    return tuple(map(tuple, logits_from_document(document, task.pairs, task.horizon).tolist()))
 
 
 def _run(options: "TrainOptions", log_kind: str) -> None:
