@@ -16,7 +16,6 @@ import numpy as np
 
 from taskschema.arrays import FloatArray, IntArray
 from taskschema.config import RunConfig
-from taskschema.kinematics.sawyer import rethink_gripper
 from taskschema.policies import ActingPolicy, policy_of
 from taskschema.safety.limits import SafetyLimits
 from taskschema.safety.plan_checks import check_plan
@@ -69,12 +68,10 @@ class NotedEnvironment(SceneEnvironment):
         """See `SceneEnvironment`."""
         simulation = self._simulation
         joints, poses = simulation.arm_joints(episodes), simulation.object_poses(episodes)
-        fingers = simulation.positions[episodes][:, simulation.indices.finger_positions]
-        travel = fingers[:, :, 0] - fingers[:, :, 1] - 2.0 * simulation._finger_range[0]
+        openings = simulation.openings(episodes)
         for row, episode in enumerate(episodes):
-            opening = rethink_gripper().closed + travel[row]
             self.begun[episode].append(
-                Begun(int(pairs[row]), arguments[row], joints[row], opening, poses[row])
+                Begun(int(pairs[row]), arguments[row], joints[row], openings[row], poses[row])
             )
         return super().step(episodes, pairs, arguments)
 
