@@ -40,6 +40,7 @@ def main() -> None:
     parser.add_argument(
         "--init-policy", help="policy or run to start from, beyond the paper (default: random weights)"
     )
+    parser.add_argument("--set", action="append", default=[], help="passed on to `taskschema train`")
     parser.add_argument("--rounds", type=int, help="give up after so many rounds")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--report", action="store_true", help="train nothing: write what there is so far")
@@ -87,6 +88,8 @@ def _train_command(arguments: argparse.Namespace, folder: Path) -> list[str]:
     if (folder / "config.json").exists():
         return [*command, "--resume", "--run-dir", str(folder)]
     command += [arguments.task, "--run-dir", str(folder), "--seed", str(arguments.seed)]
+    for assignment in arguments.set:
+        command += ["--set", assignment]
     if arguments.init_policy is not None:
         command += ["--init-policy", arguments.init_policy]
     if arguments.init_schema is None:

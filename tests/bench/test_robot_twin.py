@@ -63,9 +63,16 @@ def test_both_ways_of_an_object_stand_side_by_side(place):
 
 def test_the_policy_is_handed_to_the_learner(place):
     given = argparse.Namespace(
-        task="opening", object="water-bottle", init_schema=None, init_policy="runs/gated", rounds=None, seed=0
+        task="opening",
+        object="water-bottle",
+        init_schema=None,
+        init_policy="runs/gated",
+        rounds=None,
+        seed=0,
+        set=["ppo.epochs=4"],
     )
     command = robot_twin._train_command(given, Path("somewhere"))
     assert command[command.index("--init-policy") + 1] == "runs/gated"
+    assert command[command.index("--set") + 1] == "ppo.epochs=4"
     given.init_policy = None
     assert "--init-policy" not in robot_twin._train_command(given, Path("somewhere"))
