@@ -7,7 +7,7 @@ from taskschema.config import RunConfig
 from taskschema.errors import ConfigError, RunFolderError
 from taskschema.tasks import get_task
 from taskschema_learner.evaluation import initial_policy_of, newest_policy
-from taskschema_learner.initial_policy import read_initial_policy, require_fit
+from taskschema_learner.initial_policy import policy_of_file, policy_of_run, require_fit
 from taskschema_learner.learner import Learner
 from taskschema_learner.recomputation import recompute
 from taskschema_learner.run_folder import INITIAL_POLICY, RunFolder
@@ -28,7 +28,7 @@ def trained(tmp_path):
 
 
 def started_from(folder, **changes):
-    initial = read_initial_policy(str(folder.path))
+    initial = policy_of_run(folder)
     config = msgspec.structs.replace(SMALL, seed=4, initial_policy=initial.snapshot.sha256, **changes)
     return config, initial
 
@@ -86,9 +86,9 @@ def test_a_kept_policy_that_is_not_the_one_is_refused(trained, tmp_path, spoil):
         initial_policy_of(folder)
 
 
-def differences(folder, config, task=TOY):
+def differences(initial, config, task=TOY):
     with pytest.raises(ConfigError) as caught:
-        require_fit(read_initial_policy(str(folder)), config, task)
+        require_fit(initial, config, task)
     text = str(caught.value)
     assert "\n" not in text
     assert "--init-policy" in text
@@ -98,15 +98,19 @@ def differences(folder, config, task=TOY):
 def test_what_does_not_fit_is_said(trained):
     """By name where the other run is known, by shape of a bare file."""
     bar = RunConfig(task="lateral-lifting", policy="oracle")
-    text = differences(trained.path, bar, get_task("lateral-lifting"))
+    text = differences(policy_of_run(trained), bar, get_task("lateral-lifting"))
     assert "skills: there reach, raise, no_op, here top_grasp, lift, no_op" in text
     narrow = msgspec.structs.replace(SMALL, network=msgspec.structs.replace(SMALL.network, hidden=(64, 64)))
-    assert "hidden layers: there (64, 64, 64, 64), here (64, 64)" in differences(trained.path, narrow)
+    assert "hidden layers: there (64, 64, 64, 64), here (64, 64)" in differences(
+        policy_of_run(trained), narrow
+    )
     image = msgspec.structs.replace(SMALL, observation="image")
-    assert "observation: there state, here image" in differences(trained.path, image)
+    assert "observation: there state, here image" in differences(policy_of_run(trained), image)
     chooser = msgspec.structs.replace(SMALL, policy="state")
-    assert "chooses skills from the state: there False, here True" in differences(trained.path, chooser)
-    file = trained.path / "policy.safetensors"
+    assert "chooses skills from the state: there False, here True" in differences(
+        policy_of_run(trained), chooser
+    )
+    file = policy_of_file(trained.path / "policy.safetensors")
     assert "weights pair.bias: there None, here (9,)" in differences(file, chooser)
     assert "schema logits: there (3, 9), here (3, 16)" in differences(
         file, RunConfig(task="opening"), get_task("opening")
@@ -118,11 +122,11 @@ def test_a_file_that_is_no_policy_is_refused(tmp_path, content):
     path = tmp_path / "policy.safetensors"
     path.write_bytes(content)
     with pytest.raises(RunFolderError, match="--init-policy takes a run"):
-        read_initial_policy(str(path))
+        policy_of_file(path)
 
 
 def test_a_file_alone_will_do(trained):
     config, initial = started_from(trained)
-    bare = read_initial_policy(str(trained.path / "policy.safetensors"))
+    bare = policy_of_file(trained.path / "policy.safetensors")
     require_fit(bare, config, TOY)
     assert bare.snapshot.sha256 == initial.snapshot.sha256

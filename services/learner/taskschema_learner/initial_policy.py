@@ -15,7 +15,9 @@ from taskschema.errors import ConfigError, RunFolderError, WireError
 from taskschema.policies import PolicySnapshot
 from taskschema.tasks.registry import task_of
 from taskschema.tasks.task import Task
+from taskschema_learner.evaluation import newest_policy
 from taskschema_learner.initial_weights import first_weights
+from taskschema_learner.run_folder import RunFolder
 
 MAX_POLICY_BYTES = 256 * 1024 * 1024
 """No policy file is larger: the largest of this project's, with VGG16's blocks, has some 40 MiB."""
@@ -32,24 +34,27 @@ class InitialPolicy:
     """Of its run; None: it is a file alone."""
 
 
-def read_initial_policy(reference: str) -> InitialPolicy:
-    """Return the newest policy of a run, or the one in a file such as `GET /policy` answers.
+def policy_of_run(folder: RunFolder) -> InitialPolicy:
+    """Return the newest policy of a run.
 
     Raises:
-        TaskschemaError: if there is none, or it is damaged.
+        RunFolderError: if there is none, or it is damaged.
 
     """
-    from taskschema_learner.cli.run_reference import find_run
-    from taskschema_learner.evaluation import newest_policy
+    return InitialPolicy(str(folder.path), newest_policy(folder), folder.config)
 
-    path = Path(reference)
-    if not path.is_file():
-        folder = find_run(reference)
-        return InitialPolicy(reference, newest_policy(folder), folder.config)
+
+def policy_of_file(path: Path) -> InitialPolicy:
+    """Return the policy in a file: a run's `policy.safetensors`, or what `GET /policy` answers.
+
+    Raises:
+        RunFolderError: if it cannot be read or is none.
+
+    """
     try:
         if path.stat().st_size > MAX_POLICY_BYTES:
             raise RunFolderError(f"{path} is no policy: it has more than {MAX_POLICY_BYTES} bytes.")
-        return InitialPolicy(reference, PolicySnapshot.from_bytes(path.read_bytes()), None)
+        return InitialPolicy(str(path), PolicySnapshot.from_bytes(path.read_bytes()), None)
     except OSError as error:
         raise RunFolderError(f"The policy {path} cannot be read: {error.strerror}.") from None
     except WireError as error:

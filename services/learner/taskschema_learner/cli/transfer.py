@@ -56,9 +56,11 @@ def with_initial_policy(
     import msgspec
 
     from taskschema.tasks.registry import task_of
-    from taskschema_learner.initial_policy import read_initial_policy, require_fit
+    from taskschema_learner.cli.run_reference import find_run
+    from taskschema_learner.initial_policy import policy_of_file, policy_of_run, require_fit
 
-    initial = read_initial_policy(reference)
+    path = Path(reference)
+    initial = policy_of_file(path) if path.is_file() else policy_of_run(find_run(reference))
     require_fit(initial, config, task_of(config), trunk)
     sha256 = initial.snapshot.sha256
     print(f"The network starts from {initial.name}, version {initial.snapshot.version}, SHA-256 {sha256}.")
