@@ -16,8 +16,11 @@ import numpy as np
 
 from taskschema.arrays import FloatArray, IntArray
 from taskschema.config import RunConfig
-from taskschema.kinematics.sawyer import rethink_gripper
 from taskschema.policies import ActingPolicy, policy_of
+from taskschema.safety.limits import SafetyLimits
+from taskschema.safety.plan_checks import check_plan
+from taskschema.safety.refusal import Refusal
+from taskschema.safety.sweep import Sweep
 from taskschema.tasks.registry import get_task
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
 from taskschema.tasks.task import StepResult
@@ -27,10 +30,6 @@ from taskschema_learner.machine import machine
 from taskschema_learner.run_folder import RunFolder
 from taskschema_robot.agent.skill_step import StepPlanner
 from taskschema_robot.drivers.driver import ArmState, GripperState
-from taskschema_robot.safety.limits import SafetyLimits
-from taskschema_robot.safety.plan_checks import check_plan
-from taskschema_robot.safety.refusal import Refusal
-from taskschema_robot.safety.sweep import Sweep
 from taskschema_worker.rollout import collect_slots
 from taskschema_worker.scene_environment import SceneEnvironment
 
@@ -69,12 +68,10 @@ class NotedEnvironment(SceneEnvironment):
         """See `SceneEnvironment`."""
         simulation = self._simulation
         joints, poses = simulation.arm_joints(episodes), simulation.object_poses(episodes)
-        fingers = simulation.positions[episodes][:, simulation.indices.finger_positions]
-        travel = fingers[:, :, 0] - fingers[:, :, 1] - 2.0 * simulation._finger_range[0]
+        openings = simulation.openings(episodes)
         for row, episode in enumerate(episodes):
-            opening = rethink_gripper().closed + travel[row]
             self.begun[episode].append(
-                Begun(int(pairs[row]), arguments[row], joints[row], opening, poses[row])
+                Begun(int(pairs[row]), arguments[row], joints[row], openings[row], poses[row])
             )
         return super().step(episodes, pairs, arguments)
 

@@ -13,6 +13,7 @@ import numpy as np
 from taskschema.config import RunConfig
 from taskschema.policies import policy_of
 from taskschema.randomness import EpisodeKey
+from taskschema.safety.limits import SafetyLimits
 from taskschema.tasks.registry import get_task
 from taskschema.tasks.scene_task import SceneTask
 from taskschema_learner.learner import Learner
@@ -23,7 +24,6 @@ from taskschema_robot.cli.arms import own_twin, twin_hardware
 from taskschema_robot.objects.catalogue import get_object
 from taskschema_robot.safety.fault import FaultError
 from taskschema_robot.safety.gate import SafetyGate
-from taskschema_robot.safety.limits import SafetyLimits
 
 
 def main() -> None:

@@ -37,12 +37,13 @@ def test_arrows_point_one_way(package):
         assert imported_packages(path) <= allowed, f"{path} imports {imported_packages(path) - allowed}"
 
 
-def modules_of(package: str, *, below: str = "") -> list[str]:
+def modules_of(package: str, *, below: str = "", without: tuple[str, ...] | None = None) -> list[str]:
     root = PACKAGES[package]
     names = []
     for path in sorted((root / below).rglob("*.py")):
         parts = path.relative_to(root.parent).with_suffix("").parts
-        if parts[-1] not in ("__main__", "generate_data"):
+        outside = without is not None and parts[: len(without)] == without
+        if parts[-1] not in ("__main__", "generate_data") and not outside:
             names.append(".".join(parts[:-1] if parts[-1] == "__init__" else parts))
     return names
 
@@ -60,14 +61,23 @@ def import_without(modules: list[str], forbidden: set[str]) -> subprocess.Comple
 @pytest.mark.parametrize(
     ("modules", "needed"),
     [
-        (modules_of("taskschema"), set()),
+        (modules_of("taskschema", without=("taskschema", "safety")), set()),
+        (modules_of("taskschema", below="safety"), {"mujoco"}),
         (["taskschema_worker", "taskschema_worker.worker", "taskschema_worker.rollout"], set()),
         (modules_of("taskschema_worker"), {"mujoco", "gymnasium"}),
         (modules_of("taskschema_learner", below="api"), {"fastapi"}),
         (modules_of("taskschema_robot"), {"mujoco", "cv2"}),
         (["taskschema_learner.cli.main"], set()),
     ],
-    ids=["shared", "worker on a task without physics", "worker", "api", "robot", "command line"],
+    ids=[
+        "shared",
+        "checks before a motion",
+        "worker on a task without physics",
+        "worker",
+        "api",
+        "robot",
+        "command line",
+    ],
 )
 def test_parts_need_only_their_own_extra(modules, needed):
     result = import_without(modules, HEAVY - needed)

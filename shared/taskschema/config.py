@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+import re
 from typing import Any, Literal
 
 import msgspec
@@ -10,8 +11,11 @@ from taskschema.errors import ConfigError, UnknownNameError
 
 FORMAT_VERSION = 1
 """Version of the run folder; a folder of another version is refused."""
-PROTOCOL_VERSION = 1
+PROTOCOL_VERSION = 2
 """Version of the messages on the bus; agents and learner compare it before they talk."""
+
+LATER_FIELDS = ("safety_gate", "initial_policy")
+"""Fields of `RunConfig` that are newer than runs there are; unset, they are no part of the config's hash."""
 
 PolicyKind = Literal["schema", "state", "oracle"]
 ObservationKind = Literal["state", "image"]
@@ -135,11 +139,19 @@ class RunConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     schema: SchemaConfig = SchemaConfig()
     network: NetworkConfig = NetworkConfig()
     image: ImageConfig = ImageConfig()
+    safety_gate: bool = False
+    """Whether simulation makes the robot's checks before every motion and refuses as it does
+    (`--safety-gate`)."""
+    initial_policy: str | None = None
+    """SHA-256 of the policy whose weights the network starts with (`--init-policy`), which the run's folder
+    keeps; None: random ones, as in the paper."""
 
     def __post_init__(self) -> None:
         _require(0 <= self.seed < 2**63, "seed", "between 0 and 2^63 - 1")
         _require(1 <= self.slots <= 100_000, "slots", "between 1 and 100000")
         _require(1 <= self.episodes_per_slot <= 1_000, "episodes_per_slot", "between 1 and 1000")
+        is_hash = self.initial_policy is None or re.fullmatch("[0-9a-f]{64}", self.initial_policy)
+        _require(bool(is_hash), "initial_policy", "a SHA-256 in hexadecimal")
         if self.observation == "image" and self.policy == "state":
             raise ConfigError(
                 "The baseline `--policy state` chooses skills from the low-dimensional state: "
@@ -148,10 +160,17 @@ class RunConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     @property
     def config_hash(self) -> str:
-        """SHA-256 of the configuration, in hexadecimal; image settings count where images are seen."""
+        """SHA-256 of the configuration, in hexadecimal.
+
+        Image settings count where images are seen; what came later than the first runs counts where it is
+        used, so that those keep their hashes.
+        """
         data = msgspec.to_builtins(self)
         if self.observation != "image":
             del data["image"]
+        for name in LATER_FIELDS:
+            if not data[name]:
+                del data[name]
         return hashlib.sha256(msgspec.json.encode(data, order="deterministic")).hexdigest()
 
 

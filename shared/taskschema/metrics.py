@@ -46,6 +46,8 @@ class RoundMetrics(msgspec.Struct, frozen=True, kw_only=True):
     """Wall time of checkpoint and publishing [s]."""
     sha256: str
     """Hash of the policy after the update."""
+    refused: int = 0
+    """Steps of this round that a safety gate refused."""
     seconds_publish: float = 0.0
     """Wall time of publishing the round's policy and offering its slots [s], part of `seconds_collect`."""
 

@@ -43,6 +43,8 @@ class Trajectory:
     attempt: int = 0
     """Times this episode was dropped before by a fault of a robot."""
     physics_steps: int = 0
+    refused: int = 0
+    """Steps that a safety gate refused: nothing moved."""
 
     def __len__(self) -> int:
         """Return L, the number of steps executed."""
@@ -66,6 +68,7 @@ class _Message(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     diverged: bool
     attempt: int
     physics_steps: int
+    refused: int = 0  # a robot's own log may hold episodes from before there was this field
 
 
 class _SlotMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -139,6 +142,7 @@ def encode_slot(trajectories: list[Trajectory]) -> bytes:
             diverged=item.diverged,
             attempt=item.attempt,
             physics_steps=item.physics_steps,
+            refused=item.refused,
         )
         for item in trajectories
     ]
@@ -191,7 +195,16 @@ def _check(message: _Message, expected: TrajectoryFormat) -> Trajectory:
         raise WireError("a diverged episode cannot be a success")
     if not message.success and not message.diverged and length != expected.horizon:
         raise WireError(f"a failed episode has {expected.horizon} steps, got {length}")
-    counters = (message.round, message.slot, message.episode, message.attempt, message.physics_steps)
+    if message.refused > length:
+        raise WireError(f"{message.refused} refused steps of {length}")
+    counters = (
+        message.round,
+        message.slot,
+        message.episode,
+        message.attempt,
+        message.physics_steps,
+        message.refused,
+    )
     if min(counters) < 0 or max(counters) > MAX_COUNTER:
         raise WireError(f"counter outside 0 to {MAX_COUNTER}")
     observations = _unpack(
@@ -217,4 +230,5 @@ def _check(message: _Message, expected: TrajectoryFormat) -> Trajectory:
         diverged=message.diverged,
         attempt=message.attempt,
         physics_steps=message.physics_steps,
+        refused=message.refused,
     )

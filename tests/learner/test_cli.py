@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from taskschema.schema import SchemaDocument
 from taskschema_learner.cli.main import app
-from taskschema_learner.cli.train import initial_logits
+from taskschema_learner.cli.transfer import initial_logits
 from taskschema_learner.run_folder import RunFolder
 from taskschema_learner.schema_file import read_schema
 from taskschema_learner.verification import verify

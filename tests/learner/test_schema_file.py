@@ -15,7 +15,7 @@ from taskschema.errors import RunFolderError, SchemaMismatchError, SignatureErro
 from taskschema.schema import SchemaView
 from taskschema.tasks.toy import Toy
 from taskschema_learner.checkpoint import Checkpoint, save
-from taskschema_learner.cli.train import initial_logits
+from taskschema_learner.cli.transfer import initial_logits
 from taskschema_learner.run_folder import RunFolder
 from taskschema_learner.run_hash import run_hash
 from taskschema_learner.schema_file import export_schema, read_schema

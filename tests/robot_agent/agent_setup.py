@@ -13,6 +13,7 @@ from taskschema.bus.records import RunRecords
 from taskschema.bus.worker_bus import WorkerBus
 from taskschema.config import NetworkConfig, RunConfig
 from taskschema.policies import PolicySnapshot
+from taskschema.safety.limits import SafetyLimits
 from taskschema.tasks import get_task
 from taskschema_learner.learner import Learner
 from taskschema_robot.agent.episode import EpisodeRunner
@@ -21,7 +22,6 @@ from taskschema_robot.agent.robot_agent import LEASE_SECONDS, RobotAgent
 from taskschema_robot.agent.start_pose import start_pose
 from taskschema_robot.objects.catalogue import HEAVY_BAR
 from taskschema_robot.reward.judge import Judgement, Outcome
-from taskschema_robot.safety.limits import SafetyLimits
 
 TASK = get_task("lateral-lifting")
 CONFIG = RunConfig(

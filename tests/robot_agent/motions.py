@@ -5,9 +5,9 @@ import numpy as np
 from taskschema.kinematics.sawyer import rethink_gripper, sawyer_pair, sawyers
 from taskschema.motion import PlanningContext
 from taskschema.motion.timing import fastest_path
+from taskschema.safety.motion import Motion
 from taskschema.skills.registry import get_skill
 from taskschema.tasks import get_task
-from taskschema_robot.safety.motion import Motion
 
 PERIOD = 0.01
 BAR = get_task("lateral-lifting")

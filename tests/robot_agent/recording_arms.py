@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from taskschema.kinematics.sawyer import rethink_gripper
+from taskschema.safety.limits import SafetyLimits
 from taskschema.tasks import get_task
 from taskschema_robot.drivers.driver import ArmState, GripperState
 from taskschema_robot.errors import NotConnectedError
 from taskschema_robot.safety.gate import SafetyGate
-from taskschema_robot.safety.limits import SafetyLimits
 
 HOME = get_task("lateral-lifting").home_joints
 

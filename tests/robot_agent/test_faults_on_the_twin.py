@@ -10,11 +10,11 @@ from recording_arms import HOME
 from twin_setup import LockStep
 
 from taskschema.kinematics.sawyer import rethink_gripper
+from taskschema.safety.limits import SafetyLimits
+from taskschema.safety.motion import Motion
 from taskschema_robot.safety.fault import FaultError
 from taskschema_robot.safety.gate import SafetyGate
 from taskschema_robot.safety.homing import return_home
-from taskschema_robot.safety.limits import SafetyLimits
-from taskschema_robot.safety.motion import Motion
 from taskschema_robot.twin.faults import FaultKind
 
 STOP_SECONDS = 0.2

@@ -8,6 +8,7 @@ from twin_setup import LockStep
 from taskschema.config import NetworkConfig, RunConfig
 from taskschema.policies import policy_of
 from taskschema.randomness import EpisodeKey
+from taskschema.safety.limits import SafetyLimits
 from taskschema.tasks import get_task
 from taskschema.trajectory import TrajectoryFormat, decode_slot, encode_slot
 from taskschema_learner.learner import Learner
@@ -19,7 +20,6 @@ from taskschema_robot.camera.camera import Frame
 from taskschema_robot.objects.catalogue import HEAVY_BAR
 from taskschema_robot.reward.overhead import overhead_view
 from taskschema_robot.safety.gate import SafetyGate
-from taskschema_robot.safety.limits import SafetyLimits
 from taskschema_robot.twin.camera import LockStepCamera
 from taskschema_robot.twin.scene import intrinsics
 from taskschema_robot.twin.service import pose_on_table

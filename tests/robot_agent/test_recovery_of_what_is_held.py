@@ -7,12 +7,12 @@ from twin_setup import LockStep
 
 from taskschema.kinematics.sawyer import rethink_gripper
 from taskschema.randomness import EpisodeKey
+from taskschema.safety.limits import SafetyLimits
 from taskschema_robot.agent.episode import EpisodeRunner
 from taskschema_robot.agent.twin_world import TrueWorld
 from taskschema_robot.objects.catalogue import HEAVY_BAR
 from taskschema_robot.safety.fault import FaultError
 from taskschema_robot.safety.gate import SafetyGate
-from taskschema_robot.safety.limits import SafetyLimits
 from taskschema_robot.twin.faults import FaultKind
 
 CARRIED = 0.12

@@ -7,13 +7,13 @@ from scripted_expert import TASK, Expert
 from twin_setup import LockStep
 
 from taskschema.randomness import EpisodeKey
+from taskschema.safety.limits import SafetyLimits
 from taskschema_robot.agent.episode import EpisodeRunner
 from taskschema_robot.agent.twin_person import TwinPerson
 from taskschema_robot.objects.catalogue import HEAVY_BAR
 from taskschema_robot.reward.camera_world import CameraWorld
 from taskschema_robot.reward.tracker import ObjectTracker
 from taskschema_robot.safety.gate import SafetyGate
-from taskschema_robot.safety.limits import SafetyLimits
 from taskschema_robot.twin.camera import LockStepCamera
 from taskschema_robot.twin.scene import intrinsics
 

@@ -11,10 +11,10 @@ from recording_arms import HOME, TestBench
 from taskschema.errors import ConfigError
 from taskschema.kinematics.inverse import solve_inverse
 from taskschema.kinematics.sawyer import sawyer, sawyer_pair
-from taskschema_robot.safety.limits import Box, SafetyLimits
-from taskschema_robot.safety.motion import HeldObject, Motion
+from taskschema.safety.limits import Box, SafetyLimits
+from taskschema.safety.motion import HeldObject, Motion
+from taskschema.safety.refusal import RefusalKind
 from taskschema_robot.safety.picture import draw_motion
-from taskschema_robot.safety.refusal import RefusalKind
 
 
 def standing(joints=HOME, count=5) -> Motion:

@@ -9,10 +9,10 @@ from motions import PERIOD, grasp_of_the_bar, skill_motion, straight
 from recording_arms import HOME, TestBench
 
 from taskschema.kinematics.sawyer import sawyer
+from taskschema.safety.arm_model import LINKS, ArmModel
+from taskschema.safety.motion import HeldObject, Motion
+from taskschema.safety.refusal import RefusalKind
 from taskschema.tasks import get_task
-from taskschema_robot.safety.arm_model import LINKS, ArmModel
-from taskschema_robot.safety.motion import HeldObject, Motion
-from taskschema_robot.safety.refusal import RefusalKind
 
 EXTREME = np.array([0.0, -0.0, 1e-320, 1e-9, 1e9, 1e300, -1e300, np.inf, -np.inf, np.nan, np.pi, -np.pi])
 

@@ -8,10 +8,10 @@ from motions import PERIOD, grasp_of_the_bar, skill_motion, straight
 from recording_arms import HOME, RecordingArm, TestBench
 
 from taskschema.kinematics.sawyer import rethink_gripper, sawyer
+from taskschema.safety.limits import SafetyLimits
 from taskschema_robot.errors import NotReadyError, SetpointError
 from taskschema_robot.safety.fault import Fault, FaultError, FaultKind, RecoveryError
 from taskschema_robot.safety.homing import return_home
-from taskschema_robot.safety.limits import SafetyLimits
 
 STOP_SECONDS = 0.2
 """Issue: both arms are stopped within 200 ms of a fault."""

@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from taskschema.kinematics.sawyer import GRIPPER_STROKE
 from taskschema.tasks.lateral_lifting import LateralLifting
 from taskschema_robot.objects.catalogue import OBJECTS
-from taskschema_robot.sawyer_interface import GRIPPER_STROKE
 from taskschema_robot.twin.scene import physics_model, picture_model
 from taskschema_robot.twin.service import pose_on_table
 from taskschema_robot.twin.twin import FINGER_MOUNT

@@ -21,6 +21,8 @@ configs = st.builds(
         alpha=st.floats(0, 10),
         initial_logits=st.none() | st.just(((0.0, 1.5), (2.0, -1e9))),
     ),
+    safety_gate=st.booleans(),
+    initial_policy=st.none() | st.just("ab" * 32),
 )
 
 
@@ -34,6 +36,15 @@ def test_config_survives_its_file(config: RunConfig) -> None:
 @given(configs, configs)
 def test_hash_tells_configs_apart(one: RunConfig, other: RunConfig) -> None:
     assert (one == other) == (one.config_hash == other.config_hash)
+
+
+def test_hashes_of_earlier_runs_stay() -> None:
+    """Runs from before there were gates and initial policies keep their hash, and their files still load."""
+    config = RunConfig(task="toy")
+    assert config.config_hash == "cce214312d4520a1221024d2ac3d15ad2d404c9880ca351c0fe4378dfdbcb34b"
+    data = msgspec.to_builtins(config)
+    del data["safety_gate"], data["initial_policy"]
+    assert parse_config(msgspec.json.encode(data)) == config
 
 
 def test_defaults_are_the_papers() -> None:
@@ -55,6 +66,7 @@ def test_defaults_are_the_papers() -> None:
     [
         (lambda: RunConfig(task="toy", seed=-1), "seed"),
         (lambda: RunConfig(task="toy", slots=0), "slots"),
+        (lambda: RunConfig(task="toy", initial_policy="runs/toy"), "initial_policy"),
         (lambda: RunConfig(task="toy", episodes_per_slot=0), "episodes_per_slot"),
         (lambda: PPOConfig(learning_rate=0.0), "learning_rate"),
         (lambda: PPOConfig(gamma=1.1), "gamma"),

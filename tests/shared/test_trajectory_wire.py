@@ -34,6 +34,7 @@ def trajectory(episode: int, /, length: int = 3, seed: int = 0, **changes: Any) 
         "arguments": rng.standard_normal((length, 6)).astype(np.float32),
         "success": length < 3,
         "physics_steps": 100 * length,
+        "refused": length - 1,
     }
     return Trajectory(**fields | changes)
 
@@ -84,6 +85,8 @@ def test_received_arrays_cannot_be_written() -> None:
         ({"round": -1}, "counter"),
         ({"attempt": 2**41}, "counter"),
         ({"physics_steps": -5}, "counter"),
+        ({"refused": -1}, "counter"),
+        ({"refused": 4}, "4 refused steps of 3"),
         ({"success": True, "diverged": True}, "diverged"),
         ({"pairs": np.array([0, 1])}, "3 steps, got 2"),
         ({"pairs": np.array([0, 1, 9])}, "pair outside 0 to 8"),

@@ -19,10 +19,12 @@ from taskschema.bus.worker_info import AgentKind
 from taskschema.config import RunConfig
 from taskschema.errors import ConfigError, RunFolderError
 from taskschema.logs import bind
+from taskschema.policies import PolicySnapshot
 from taskschema.tasks.registry import task_of
 from taskschema_learner.api.process import ApiProcess
 from taskschema_learner.api.transport import Tls
 from taskschema_learner.embedded_redis import EmbeddedRedis
+from taskschema_learner.evaluation import initial_policy_of
 from taskschema_learner.learner import Learner
 from taskschema_learner.progress import Limits
 from taskschema_learner.run_folder import RunFolder
@@ -63,6 +65,8 @@ class TrainOptions:
     """Who runs the episodes: `simulation` starts workers, `robot` waits for `taskschema-robot run`."""
     trunk: dict[str, Float32Array] | None = None
     """Published weights that a new run's frozen trunk starts with, by name; None: random ones."""
+    initial_policy: PolicySnapshot | None = None
+    """Policy whose weights a new run starts with; None: random ones. A resumed run keeps its own."""
 
 
 def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
@@ -89,7 +93,8 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
             api = stack.enter_context(ApiProcess(api_url, folder.name, options.api, tls=options.api_tls))
         records.set_api(folder.name, api.url if api else None)
         task = task_of(folder.config)
-        learner = Learner(folder.config, task, options.device, options.trunk)
+        initial = initial_policy_of(folder)
+        learner = Learner(folder.config, task, options.device, options.trunk, initial)
         bus = LearnerBus(connect(url), folder.name, folder.config)
         bus.acquire()
         tend_workers, workers = _start_workers(stack, options, url, folder.name)
@@ -138,7 +143,8 @@ def open_folder(options: TrainOptions) -> RunFolder:
         RunFolderError: if it is not there to resume, is there already, or belongs to another config.
     """
     if not options.resume:
-        return RunFolder.create(options.run_dir, options.config)
+        initial = options.initial_policy
+        return RunFolder.create(options.run_dir, options.config, initial.to_bytes() if initial else None)
     folder = RunFolder.open(options.run_dir)
     if folder.config != options.config:
         difference = _difference(folder.config, options.config)

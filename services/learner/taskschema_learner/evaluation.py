@@ -101,6 +101,29 @@ def newest_policy(folder: RunFolder) -> PolicySnapshot:
         ) from None
 
 
+def initial_policy_of(folder: RunFolder) -> PolicySnapshot | None:
+    """Return the policy that a run started from; None: it started from random weights.
+
+    Raises:
+        RunFolderError: if it is gone, or damaged.
+
+    """
+    data = folder.read_initial_policy()
+    try:
+        snapshot = None if data is None else PolicySnapshot.from_bytes(data)
+    except WireError as error:
+        raise RunFolderError(
+            f"The policy that the run in {folder.path} started from is damaged ({error}): "
+            "restore it from a backup."
+        ) from None
+    if snapshot is not None and snapshot.sha256 != folder.config.initial_policy:
+        raise RunFolderError(
+            f"The run in {folder.path} started from another policy than the one kept there: "
+            "restore it from a backup."
+        )
+    return snapshot
+
+
 def held_out_episodes(
     folder: RunFolder,
     snapshot: PolicySnapshot,

@@ -8,12 +8,24 @@ from taskschema.arrays import Float32Array, FloatArray
 from taskschema.config import NetworkConfig, RunConfig
 from taskschema.policies.spatial_layout import SpatialLayout
 from taskschema.policies.spatial_trunk import TRUNKS, maps_layer, squeeze_layer
+from taskschema.randomness import Purpose, round_generator
 from taskschema.tasks.task import Task
 from taskschema_learner.spatial_network import head_shapes
 
 TRUNK_GAIN = math.sqrt(2.0)
 ACTOR_GAIN = 0.01
 """Initial gain of the actor's heads (Stable Baselines): every state starts with nearly the same actions."""
+
+
+def first_weights(
+    config: RunConfig, task: Task, published: dict[str, Float32Array] | None = None
+) -> dict[str, Float32Array]:
+    """Return the weights that a run's seed draws for its network; `published`: see below."""
+    rng = round_generator(config.seed, 0, Purpose.INITIAL_WEIGHTS)
+    if config.observation == "image":
+        return initial_spatial_weights(rng, config, task, published)
+    pairs = len(task.pairs) if config.policy == "state" else 0
+    return initial_weights(rng, task.observation.size, config.network, task.pairs.argument_count, pairs)
 
 
 def initial_weights(

@@ -15,7 +15,7 @@ from taskschema.schema import one_hot_logits
 from taskschema.tasks.task import Task
 from taskschema.trajectory import Trajectory
 from taskschema_learner.batch import collate, in_order
-from taskschema_learner.initial_weights import initial_spatial_weights, initial_weights
+from taskschema_learner.initial_weights import first_weights
 from taskschema_learner.networks import ArgumentNetwork
 from taskschema_learner.optimiser import Optimiser, UpdateStatistics
 from taskschema_learner.schema_trainers import make_schema_trainer
@@ -42,12 +42,27 @@ class Learner:
         task: Task,
         device: str = "cpu",
         trunk: dict[str, Float32Array] | None = None,
+        initial_policy: PolicySnapshot | None = None,
     ) -> None:
-        """Start with the config's first weights; `trunk` are those of VGG16 where the config names a file."""
+        """Start with the config's first weights.
+
+        Args:
+            config: of the run.
+            task: of the run.
+            device: `cpu` or `cuda`.
+            trunk: weights of VGG16, where the config names a file.
+            initial_policy: the one that the config names, if it does.
+
+        Raises:
+            ConfigError: if the device is not there, or the policy is another one or does not fit.
+
+        """
         _prepare(device)
         self._config = config
         self._task = task
-        self._network = _first_network(config, task, device, trunk)
+        self._network = _first_network(
+            config, task, device, _first_weights(config, task, trunk, initial_policy)
+        )
         self._optimiser = Optimiser(self._network, config.ppo)
         self._schema_trainer = make_schema_trainer(config.schema)
         self._logits = _initial_logits(config, task)
@@ -129,19 +144,39 @@ class Learner:
             raise ConfigError(f"The checkpoint does not fit this run's config: {error}.") from None
 
 
+def _first_weights(
+    config: RunConfig,
+    task: Task,
+    trunk: dict[str, Float32Array] | None,
+    initial_policy: PolicySnapshot | None,
+) -> dict[str, Float32Array]:
+    """Return the weights that the run starts with: drawn, or those of the policy that the config names."""
+    given = None if initial_policy is None else initial_policy.sha256
+    if given != config.initial_policy:
+        raise ConfigError(f"The run starts from policy {config.initial_policy}, not from {given}.")
+    return first_weights(config, task, trunk) if initial_policy is None else initial_policy.weights
+
+
 def _first_network(
-    config: RunConfig, task: Task, device: str, trunk: dict[str, Float32Array] | None
+    config: RunConfig, task: Task, device: str, weights: dict[str, Float32Array]
 ) -> ArgumentNetwork | SpatialNetwork:
-    """Return the run's network with its first weights."""
-    rng = round_generator(config.seed, 0, Purpose.INITIAL_WEIGHTS)
+    """Return the run's network with its first weights.
+
+    Raises:
+        ConfigError: if they are of another network.
+
+    """
+    network: ArgumentNetwork | SpatialNetwork
     if config.observation == "image":
-        spatial = SpatialNetwork(task, config.image, device)
-        spatial.load(initial_spatial_weights(rng, config, task, trunk))
-        return spatial
-    pairs = len(task.pairs) if config.policy == "state" else 0
-    sizes = (task.observation.size, config.network, task.pairs.argument_count, pairs)
-    network = ArgumentNetwork(sizes[0], config.network.hidden, sizes[2], pairs, device)
-    network.load(initial_weights(rng, *sizes))
+        network = SpatialNetwork(task, config.image, device)
+    else:
+        pairs = len(task.pairs) if config.policy == "state" else 0
+        sizes = (task.observation.size, config.network.hidden, task.pairs.argument_count)
+        network = ArgumentNetwork(*sizes, pairs, device)
+    try:
+        network.load(weights)
+    except ValueError as error:
+        raise ConfigError(f"The policy to start from does not fit this run: {error}") from None
     return network
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from taskschema.arrays import Float32Array
 from taskschema.config import RunConfig
-from taskschema.policies import policy_of
+from taskschema.policies import PolicySnapshot, policy_of
 from taskschema.tasks.registry import task_of
 from taskschema.trajectory import Trajectory
 from taskschema_learner.evaluation import newest_policy
@@ -45,9 +45,12 @@ def published_trunk(folder: RunFolder) -> dict[str, Float32Array] | None:
 
 
 def recompute(
-    config: RunConfig, rounds: int, trunk: dict[str, Float32Array] | None = None
+    config: RunConfig,
+    rounds: int,
+    trunk: dict[str, Float32Array] | None = None,
+    initial_policy: PolicySnapshot | None = None,
 ) -> Iterator[RecomputedRound]:
-    """Train from scratch as the run did and yield its first rounds one by one; `trunk`: see `Learner`.
+    """Train from the start as the run did and yield its first rounds one by one; arguments as of `Learner`.
 
     A run is a function of its config and seed, so in the same environment (same lock file, same kind of
     processor) this gives the same bits as any number of workers did.
@@ -57,7 +60,7 @@ def recompute(
 
     """
     task = task_of(config)
-    learner = Learner(config, task, trunk=trunk)
+    learner = Learner(config, task, trunk=trunk, initial_policy=initial_policy)
     with closing(environment_of(config, task, os.cpu_count() or 1)) as environment:
         for number in range(rounds):
             policy = policy_of(config, task, learner.snapshot())

@@ -18,6 +18,9 @@ from taskschema.errors import ConfigError, RunFolderError
 from taskschema.metrics import RoundMetrics
 from taskschema.schema import SchemaDocument
 
+INITIAL_POLICY = "initial_policy.safetensors"
+"""File of the policy that a run started from, in its folder."""
+
 
 class _ConfigFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     format_version: int
@@ -47,8 +50,13 @@ class RunFolder:
         return self.path / "checkpoints"
 
     @classmethod
-    def create(cls, path: Path, config: RunConfig) -> "RunFolder":
+    def create(cls, path: Path, config: RunConfig, initial_policy: bytes | None = None) -> "RunFolder":
         """Make a new run's folder.
+
+        Args:
+            path: of the folder.
+            config: of the run.
+            initial_policy: the snapshot that the config says it starts from.
 
         Raises:
             RunFolderError: if there is a run already, or the place cannot be written.
@@ -65,6 +73,8 @@ class RunFolder:
             (path / "checkpoints").mkdir(exist_ok=True)
         except OSError as error:
             raise RunFolderError(f"The run folder {path} cannot be made: {error.strerror}.") from None
+        if initial_policy is not None:
+            write_atomically(path / INITIAL_POLICY, initial_policy)
         write_atomically(path / "config.json", content)
         return cls(path, config)
 
@@ -134,6 +144,22 @@ class RunFolder:
             return (self.path / "policy.safetensors").read_bytes()
         except OSError:
             raise RunFolderError(f"The run in {self.path} has no policy yet: train it first.") from None
+
+    def read_initial_policy(self) -> bytes | None:
+        """Return the policy snapshot that the run started from; None: it started from random weights.
+
+        Raises:
+            RunFolderError: if it is gone.
+        """
+        if self.config.initial_policy is None:
+            return None
+        try:
+            return (self.path / INITIAL_POLICY).read_bytes()
+        except OSError as error:
+            raise RunFolderError(
+                f"{self.path / INITIAL_POLICY}, which the run started from, cannot be read "
+                f"({error.strerror}): restore it from a backup."
+            ) from None
 
     def read_metrics(self) -> list[RoundMetrics]:
         """Return the rows of `metrics.csv`, oldest first; none if there is no such file.

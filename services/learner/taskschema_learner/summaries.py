@@ -18,6 +18,7 @@ _TAGS = {
     "clip_fraction": "policy/clip_fraction",
     "gradient_norm": "policy/gradient_norm",
     "diverged": "simulation/diverged",
+    "refused": "safety/refused_steps",
     "seconds_collect": "seconds/collect",
     "seconds_update": "seconds/update",
     "seconds_checkpoint": "seconds/checkpoint",

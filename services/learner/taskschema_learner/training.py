@@ -180,6 +180,7 @@ def measure(
         steps=progress.steps,
         physics_steps=sum(item.physics_steps for item in trajectories),
         diverged=sum(item.diverged for item in trajectories),
+        refused=sum(item.refused for item in trajectories),
         quarantined=parts.bus.quarantined,
         success_rate=float(np.mean([item.success for item in trajectories])),
         success_last_100=progress.success_last_100,

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import msgspec
 
 from taskschema.errors import RunFolderError
+from taskschema_learner.evaluation import initial_policy_of
 from taskschema_learner.recomputation import published_trunk, recompute
 from taskschema_learner.run_folder import RunFolder
 
@@ -48,7 +49,7 @@ def verify(
     if [row.round for row in rows] != list(range(len(rows))):
         raise RunFolderError(f"metrics.csv in {folder.path} is damaged: its rounds are not 0, 1, 2, ...")
     computed = ""
-    again_by_round = recompute(folder.config, len(rows), published_trunk(folder))
+    again_by_round = recompute(folder.config, len(rows), published_trunk(folder), initial_policy_of(folder))
     for done, (row, again) in enumerate(zip(rows, again_by_round, strict=True), start=1):
         computed = again.sha256
         if computed != row.sha256:

@@ -4,8 +4,6 @@ Each robot is its own ROS master and names its arm `right`: two Sawyers are told
 Source: RethinkRobotics/intera_common and intera_sdk.
 """
 
-GRIPPER_STROKE = 0.041667
-"""Travel of the electric gripper's fingers together [m]."""
 DEFAULT_SPEED_RATIO = 0.3
 DEFAULT_COMMAND_TIMEOUT = 0.2
 """[s]"""

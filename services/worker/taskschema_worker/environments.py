@@ -14,6 +14,7 @@ def make_environment(
     observation: ObservationKind = "state",
     *,
     randomise_visuals: bool = False,
+    safety_gate: bool = False,
 ) -> BatchEnvironment:
     """Return an environment for many episodes of `task` at once, its physics on `threads` threads.
 
@@ -22,34 +23,53 @@ def make_environment(
         threads: of the simulation.
         observation: what policies see.
         randomise_visuals: of images: whether colours, light and the camera's pose vary by episode.
+        safety_gate: whether steps that the robot's gate would refuse are not made.
 
     Raises:
-        ConfigError: for `image`, if nothing shows how the task looks, or its looks cannot vary.
+        ConfigError: for `image`, if nothing shows how the task looks, or its looks cannot vary; for a gate,
+            if the task has no arms.
         RenderingError: for `image`, if nothing on this machine can draw.
     """
     if observation == "image":
-        return _image_environment(task, threads, randomise_visuals)
+        return _image_environment(task, threads, randomise_visuals, safety_gate)
     if isinstance(task, SceneTask):
+        from taskschema_worker.plan_gate import PlanGate
         from taskschema_worker.scene_environment import SceneEnvironment
 
-        return SceneEnvironment(task, threads)
+        return SceneEnvironment(task, threads, gate=PlanGate(task) if safety_gate else None)
+    _require_no_gate(task, safety_gate)
     return task.make_environment(threads)
 
 
 def environment_of(config: RunConfig, task: Task, threads: int = 1) -> BatchEnvironment:
     """Return the environment of a run's episodes; see `make_environment`."""
-    visuals = config.image.randomise_visuals
-    return make_environment(task, threads, config.observation, randomise_visuals=visuals)
+    return make_environment(
+        task,
+        threads,
+        config.observation,
+        randomise_visuals=config.image.randomise_visuals,
+        safety_gate=config.safety_gate,
+    )
 
 
-def _image_environment(task: Task, threads: int, randomise_visuals: bool) -> BatchEnvironment:
+def _require_no_gate(task: Task, safety_gate: bool) -> None:
+    if safety_gate:
+        raise ConfigError(f"Task {task.name!r} has no arms that a gate could stop: leave --safety-gate out.")
+
+
+def _image_environment(
+    task: Task, threads: int, randomise_visuals: bool, safety_gate: bool
+) -> BatchEnvironment:
     from taskschema_worker.image_environment import ImageEnvironment
 
     if isinstance(task, SceneTask):
+        from taskschema_worker.plan_gate import PlanGate
         from taskschema_worker.seen_scene_environment import SeenSceneEnvironment
 
-        seen = SeenSceneEnvironment(task, threads, randomise_visuals=randomise_visuals)
+        gate = PlanGate(task) if safety_gate else None
+        seen = SeenSceneEnvironment(task, threads, randomise_visuals=randomise_visuals, gate=gate)
         return ImageEnvironment(task, seen)
+    _require_no_gate(task, safety_gate)
     if randomise_visuals:
         raise ConfigError(f"Task {task.name!r} has no scene, so --randomise-visuals cannot vary its looks.")
     environment = task.make_environment(threads)

@@ -1,5 +1,6 @@
 """An environment whose observations are frames of the overhead camera, and nothing else."""
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -48,7 +49,7 @@ class ImageEnvironment:
         frames = np.zeros((len(episodes), *FRAME_SHAPE), dtype=np.uint8)
         if len(seen):
             frames[seen] = self._see(episodes[seen])
-        return StepResult(frames, result.success, result.diverged, result.physics_steps)
+        return dataclasses.replace(result, observations=frames)
 
     def close(self) -> None:
         """Free threads and memory."""

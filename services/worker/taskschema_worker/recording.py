@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from taskschema.arrays import FloatArray, IntArray
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
 from taskschema.tasks.task import StepResult
+from taskschema_worker.plan_gate import PlanGate
 from taskschema_worker.scene_environment import SceneEnvironment
 from taskschema_worker.seen_scene_environment import SeenSceneEnvironment
 
@@ -38,8 +39,8 @@ class RecordedEpisode:
 class RecordingEnvironment(SceneEnvironment):
     """A scene environment that remembers its episodes' motion; results are those of any other."""
 
-    def __init__(self, task: SceneTask, threads: int = 1) -> None:
-        super().__init__(task, threads)
+    def __init__(self, task: SceneTask, threads: int = 1, *, gate: PlanGate | None = None) -> None:
+        super().__init__(task, threads, gate=gate)
         self._names = task.pairs.pairs
         self.episodes: list[RecordedEpisode] = []
         """Everything since it was made, in the order of resets."""
@@ -75,6 +76,13 @@ class RecordingEnvironment(SceneEnvironment):
 class SeenRecordingEnvironment(RecordingEnvironment, SeenSceneEnvironment):
     """The same, with the overhead camera that policies on images see through."""
 
-    def __init__(self, task: SceneTask, threads: int = 1, *, randomise_visuals: bool = False) -> None:
-        super().__init__(task, threads)
+    def __init__(
+        self,
+        task: SceneTask,
+        threads: int = 1,
+        *,
+        randomise_visuals: bool = False,
+        gate: PlanGate | None = None,
+    ) -> None:
+        super().__init__(task, threads, gate=gate)
         self._randomise_visuals = randomise_visuals

@@ -25,6 +25,7 @@ class _Episode:
     success: bool = False
     diverged: bool = False
     physics_steps: int = 0
+    refused: int = 0
 
     def trajectory(self) -> Trajectory:
         return Trajectory(
@@ -38,6 +39,7 @@ class _Episode:
             diverged=self.diverged,
             attempt=self.key.attempt,
             physics_steps=self.physics_steps,
+            refused=self.refused,
         )
 
 
@@ -77,6 +79,7 @@ def collect_slots(
             episode.diverged = bool(result.diverged[row])
             episode.success = bool(result.success[row]) and not episode.diverged
             episode.physics_steps += int(result.physics_steps[row])
+            episode.refused += int(result.refused is not None and result.refused[row])
         unfinished = ~(result.success | result.diverged)
         live = live[unfinished]
         if len(live) == 0:

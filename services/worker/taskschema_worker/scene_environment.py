@@ -12,6 +12,7 @@ from taskschema.tasks.scene_observation import observe
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
 from taskschema.tasks.task import StepResult
 from taskschema_worker.mixed_path import MixedPath
+from taskschema_worker.plan_gate import ROBOT_OPENING, PlanGate, StepStart
 from taskschema_worker.simulation import Simulation
 
 CHUNK_SECONDS = 0.064
@@ -21,11 +22,28 @@ STRETCH_CHUNKS = 8
 
 
 class SceneEnvironment:
-    """N episodes of a scene task; see `BatchEnvironment`. For the arguments, see `Simulation`."""
+    """N episodes of a scene task; see `BatchEnvironment`.
 
-    def __init__(self, task: SceneTask, threads: int = 1, model: mujoco.MjModel | None = None) -> None:
+    Args:
+        task: see `Simulation`.
+        threads: the same.
+        model: the same.
+        gate: steps are made as the robot's agent makes them: what this refuses is not made, the arms stay
+            and the step counts; hands open as far as the robot's; and the goal is tested where a step ends.
+            None: all steps are made, and the goal is tested along the motion, too.
+
+    """
+
+    def __init__(
+        self,
+        task: SceneTask,
+        threads: int = 1,
+        model: mujoco.MjModel | None = None,
+        gate: PlanGate | None = None,
+    ) -> None:
         self._task = task
-        self._simulation = Simulation(task, threads, model)
+        self._gate = gate
+        self._simulation = Simulation(task, threads, model, None if gate is None else ROBOT_OPENING)
         self._chunk = round(CHUNK_SECONDS / self._simulation.timestep)
         self.measure_distance = False
         """Whether to keep each episode's smallest `goal_distance` in `closest`: for an audit's searches."""
@@ -57,12 +75,32 @@ class SceneEnvironment:
     def step(self, episodes: IntArray, pairs: IntArray, arguments: FloatArray) -> StepResult:
         """Run one step of the episodes [M]; see `BatchEnvironment`."""
         paths = self.plan(episodes, pairs, arguments)
-        success, diverged, steps = self._execute(episodes, paths)
-        self._opening[episodes] = paths.final_opening.reshape(2, -1).T
-        self._set_points[episodes] = np.swapaxes(paths.final_joints.reshape(2, len(episodes), -1), 0, 1)
-        self._note_pressing(episodes, pairs)
+        refused = self._refused(episodes, pairs, arguments, paths)
+        success, diverged, steps = self._execute(episodes, paths, refused)
+        made = episodes[~refused]
+        self._opening[made] = paths.final_opening.reshape(2, -1).T[~refused]
+        ends = np.swapaxes(paths.final_joints.reshape(2, len(episodes), -1), 0, 1)
+        self._set_points[made] = ends[~refused]
+        self._note_pressing(made, pairs[~refused])
         self._time[episodes] += 1
-        return StepResult(self._observe(episodes), success, diverged, steps)
+        return StepResult(self._observe(episodes), success, diverged, steps, refused)
+
+    def _refused(
+        self, episodes: IntArray, pairs: IntArray, arguments: FloatArray, paths: MixedPath
+    ) -> BoolArray:
+        """Return which of the planned steps the gate refuses [M]."""
+        if self._gate is None:
+            return np.zeros(len(episodes), dtype=bool)
+        simulation = self._simulation
+        start = StepStart(
+            joints=simulation.arm_joints(episodes),
+            set_points=self._set_points[episodes],
+            opening=simulation.openings(episodes),
+            told=self._opening[episodes],
+            poses=simulation.object_poses(episodes),
+            sizes=self._sizes[episodes],
+        )
+        return self._gate.refused(start, pairs, arguments, paths)
 
     def plan(self, episodes: IntArray, pairs: IntArray, arguments: FloatArray) -> MixedPath:
         """Plan the motions of M episodes: paths for the M left arms, then for the M right ones.
@@ -112,11 +150,16 @@ class SceneEnvironment:
                 if skill.ends_pressing is not None:
                     self._pressing[episodes[chosen == index], arm] = skill.ends_pressing
 
-    def _execute(self, episodes: IntArray, paths: MixedPath) -> tuple[BoolArray, BoolArray, IntArray]:
-        """Run both arms' paths, in chunks; return success, divergence and physics steps [M]."""
+    def _execute(
+        self, episodes: IntArray, paths: MixedPath, refused: BoolArray
+    ) -> tuple[BoolArray, BoolArray, IntArray]:
+        """Run both arms' paths, in chunks; return success, divergence and physics steps [M].
+
+        No time passes for episodes whose step is refused.
+        """
         size, timestep = self._chunk, self._simulation.timestep
         duration = paths.duration.reshape(2, -1).max(axis=0)
-        chunks = np.ceil(duration / (size * timestep) - 1e-9).astype(np.int64)
+        chunks = np.where(refused, 0, np.ceil(duration / (size * timestep) - 1e-9)).astype(np.int64)
         success = np.zeros(len(episodes), dtype=bool)
         diverged = np.zeros(len(episodes), dtype=bool)
         steps = np.zeros(len(episodes), dtype=np.int64)
@@ -132,13 +175,17 @@ class SceneEnvironment:
             first = chunk % STRETCH_CHUNKS * size
             part = controls[place[rows], first : first + size]
             advance = self._simulation.advance(episodes[rows], part)
-            reached = self._task.goal_reached(self._start[episodes[rows]], advance.object_poses)
+            if self._gate is None:
+                reached = self._task.goal_reached(self._start[episodes[rows]], advance.object_poses)
+                success[rows] = reached.any(axis=1) & ~advance.diverged
             if self.measure_distance:
                 distance = self._task.goal_distance(self._start[episodes[rows]], advance.object_poses)
                 self.closest[episodes[rows]] = np.minimum(self.closest[episodes[rows]], distance.min(axis=1))
-            success[rows] = reached.any(axis=1) & ~advance.diverged
             diverged[rows] = advance.diverged
             steps[rows] += size
+        if self._gate is not None:
+            ends = self._simulation.object_poses(episodes)[:, None]
+            success = self._task.goal_reached(self._start[episodes], ends)[:, 0] & ~diverged
         return success, diverged, steps
 
     def _controls(self, paths: MixedPath, rows: IntArray, first: int, steps: int) -> FloatArray:

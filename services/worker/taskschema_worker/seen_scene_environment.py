@@ -7,6 +7,7 @@ import numpy as np
 from taskschema.arrays import FloatArray, IntArray
 from taskschema.frames import FRAME_SHAPE, FRAME_SIZE, Frames
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
+from taskschema_worker.plan_gate import PlanGate
 from taskschema_worker.rendering.looks import Looks
 from taskschema_worker.rendering.scene_renderer import SceneRenderer
 from taskschema_worker.scene_environment import SceneEnvironment
@@ -20,18 +21,26 @@ class SeenSceneEnvironment(SceneEnvironment):
         threads: of the simulation.
         randomise_visuals: whether every episode that starts from a generator has colours, light and a camera
             pose of its own, drawn after its object: what is simulated is the same with and without.
+        gate: see `SceneEnvironment`.
 
     Raises:
         RenderingError: if nothing on this machine can draw; nothing else is started then.
 
     """
 
-    def __init__(self, task: SceneTask, threads: int = 1, *, randomise_visuals: bool = False) -> None:
+    def __init__(
+        self,
+        task: SceneTask,
+        threads: int = 1,
+        *,
+        randomise_visuals: bool = False,
+        gate: PlanGate | None = None,
+    ) -> None:
         self._renderer = SceneRenderer(task, FRAME_SIZE, FRAME_SIZE)
         self._instances: list[ObjectInstance] = []
         self._randomise_visuals = randomise_visuals
         self._looks: list[Looks] = []
-        super().__init__(task, threads)
+        super().__init__(task, threads, gate=gate)
 
     def reset(self, generators: Sequence[np.random.Generator]) -> FloatArray:
         """Start one episode per generator; see `BatchEnvironment`."""

@@ -67,18 +67,26 @@ class Simulation:
         task: whose arms and object are simulated.
         threads: that share the episodes.
         model: a scene compiled otherwise, such as a finer reference; None: the task's `scene_model`.
+        widest: opening that the fingers are never told to exceed [m]; None: as far as the model's go.
 
     """
 
-    def __init__(self, task: SceneTask, threads: int, model: mujoco.MjModel | None = None) -> None:
+    def __init__(
+        self,
+        task: SceneTask,
+        threads: int,
+        model: mujoco.MjModel | None = None,
+        widest: float | None = None,
+    ) -> None:
         self._template = scene_model(task) if model is None else model
         self.timestep = float(self._template.opt.timestep)
         """[s]"""
         self.indices = SceneIndices(self._template)
+        self._gripper = rethink_gripper()
+        self._finger_range = self._fingers(widest)
         self._home = self._home_state(task)
         self._lag = self._servo_lag()
         self._arm_controls = [_consecutive(row) for row in self.indices.arm_controls]
-        self._gripper = rethink_gripper()
         self._models: list[mujoco.MjModel] = []
         self._object = ObjectModel(self._template)
         self._data = [mujoco.MjData(self._template) for _ in range(max(threads, 1))]
@@ -104,10 +112,16 @@ class Simulation:
     def _home_state(self, task: SceneTask) -> FloatArray:
         positions: FloatArray = np.array(self._template.qpos0, dtype=np.float64)
         positions[self.indices.arm_positions] = task.home_joints
-        lower, upper = self._template.jnt_range[self._template.joint("left_l_finger_joint").id]
-        self._finger_range = (float(lower), float(upper))
+        upper = self._finger_range[1]
         positions[self.indices.finger_positions] = [[upper, -upper]] * 2
         return positions
+
+    def _fingers(self, widest: float | None) -> tuple[float, float]:
+        """Return the positions of a closed finger and of one that is open as far as it is ever told [m]."""
+        lower, upper = self._template.jnt_range[self._template.joint("left_l_finger_joint").id]
+        if widest is not None:
+            upper = min(upper, lower + 0.5 * (widest - self._gripper.closed))
+        return float(lower), float(upper)
 
     def _servo_lag(self) -> FloatArray:
         """Return by how many seconds [7] set-points lead, against the delay of the servos' damping."""
@@ -176,6 +190,12 @@ class Simulation:
     def arm_velocities(self, episodes: IntArray) -> FloatArray:
         """Return measured joint velocities [M, 2, 7] of both arms [rad/s]."""
         return self.velocities[episodes][:, self.indices.arm_velocities]
+
+    def openings(self, episodes: IntArray) -> FloatArray:
+        """Return measured openings [M, 2] between the pads of both grippers [m]."""
+        fingers = self.positions[episodes][:, self.indices.finger_positions]
+        travel = fingers[:, :, 0] - fingers[:, :, 1] - 2.0 * self._finger_range[0]
+        return np.asarray(self._gripper.closed + travel)
 
     def object_poses(self, episodes: IntArray) -> FloatArray:
         """Return the object's pose [M, 7 + h]."""

@@ -18,7 +18,7 @@ PHASES = ("publish", "collect", "update", "checkpoint")
 """Phases of a round whose wall times are kept."""
 LEASE = "lease"
 JOINED, LOST, TAKEN_OVER = "joined", "lost", "taken_over"
-PHYSICS_STEPS, DIVERGED = "physics_steps", "diverged"
+PHYSICS_STEPS, DIVERGED, REFUSED = "physics_steps", "diverged", "refused"
 _SUM = "sum"
 
 
@@ -44,6 +44,8 @@ class RunCounters(msgspec.Struct, frozen=True, kw_only=True):
     """Physics steps in all rounds."""
     diverged: int = 0
     """Episodes of all rounds whose simulation broke down."""
+    refused: int = 0
+    """Steps of all rounds that a safety gate refused."""
     workers_joined: int = 0
     """How often an agent joined: one that is restarted joins again."""
     workers_lost: int = 0
@@ -60,12 +62,13 @@ class RunCounters(msgspec.Struct, frozen=True, kw_only=True):
     @classmethod
     def of_rows(cls, rows: Iterable[RoundMetrics]) -> "RunCounters":
         """Return what the rounds alone tell."""
-        physics_steps, diverged = 0, 0
+        physics_steps, diverged, refused = 0, 0, 0
         phases = dict.fromkeys(PHASES, Histogram())
         for row in rows:
             physics_steps, diverged = physics_steps + row.physics_steps, diverged + row.diverged
+            refused += row.refused
             phases = {name: phases[name].added(getattr(row, f"seconds_{name}")) for name in PHASES}
-        return cls(physics_steps=physics_steps, diverged=diverged, phases=phases)
+        return cls(physics_steps=physics_steps, diverged=diverged, refused=refused, phases=phases)
 
 
 def observe(client: Any, key: str, name: str, seconds: float, count: int = 1) -> None:  # noqa: ANN401 - or a pipeline
@@ -78,6 +81,7 @@ def observe_round(client: Any, key: str, row: RoundMetrics) -> None:  # noqa: AN
     """Count what a round adds."""
     client.hincrby(key, PHYSICS_STEPS, row.physics_steps)
     client.hincrby(key, DIVERGED, row.diverged)
+    client.hincrby(key, REFUSED, row.refused)
     for name in PHASES:
         observe(client, key, name, getattr(row, f"seconds_{name}"))
 
@@ -93,6 +97,7 @@ def read_counters(
     return RunCounters(
         physics_steps=integer(counters, PHYSICS_STEPS),
         diverged=integer(counters, DIVERGED),
+        refused=integer(counters, REFUSED),
         workers_joined=integer(leases, JOINED),
         workers_lost=integer(counters, LOST),
         leases_taken_over=integer(leases, TAKEN_OVER),

@@ -17,6 +17,8 @@ BASE_HEIGHT = 0.112
 """Of a robot's base above the table's top [m]: robosuite's mount beside its 0.8 m high table."""
 NEUTRAL = (0.0, -1.18, 0.0, 2.18, 0.0, 0.57, 3.3161)
 """The vendor's neutral joint angles [rad]."""
+GRIPPER_STROKE = 0.041667
+"""Travel of the real electric gripper's two fingers together [m]: less than that of robosuite's model."""
 
 
 @dataclass(frozen=True)

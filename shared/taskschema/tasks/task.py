@@ -32,6 +32,8 @@ class StepResult:
     """[M] whether the simulation broke down: the episode is failed and counted."""
     physics_steps: IntArray
     """[M] physics steps computed for each episode, a function of the episode alone; 0 without physics."""
+    refused: BoolArray | None = None
+    """[M] whether a safety gate refused the step: nothing moved; None: there is no gate."""
 
 
 class BatchEnvironment(Protocol):

@@ -44,6 +44,7 @@ def metrics(version: int) -> RoundMetrics:
         steps=500 * version,
         physics_steps=0,
         diverged=1,
+        refused=4,
         quarantined=2,
         success_rate=0.25,
         success_last_100=0.5,

@@ -33,6 +33,7 @@ def test_metrics_tell_the_newest_round(served, redis_url):
     assert value("taskschema_skill_steps_total") == 1500
     assert value("taskschema_physics_steps_total") == 0
     assert value("taskschema_diverged_episodes_total") == 3, "one in each of three rounds"
+    assert value("taskschema_refused_steps_total") == 12, "four in each of three rounds"
     assert value("taskschema_policy_version") == 3
     assert value("taskschema_success_ratio", window="last_100") == 0.5
     assert value("taskschema_success_ratio", window="round") == 0.25

@@ -74,6 +74,7 @@ class _Families:
         self.steps = _counter("skill_steps", "Skill pairs executed.", run)
         self.physics = _counter("physics_steps", "Physics steps computed.", run)
         self.diverged = _counter("diverged_episodes", "Episodes whose simulation broke down.", run)
+        self.refused = _counter("refused_steps", "Steps that a safety gate refused.", run)
         self.quarantined = _counter("quarantined_messages", "Messages refused.", ["run", "reason"])
         self.joined = _counter("workers_joined", "Workers that joined; a restarted one joins again.", run)
         self.lost = _counter("workers_lost", "Workers that fell silent without leaving.", run)
@@ -101,6 +102,7 @@ class _Families:
     def add_counters(self, run: str, counters: RunCounters) -> None:
         self.physics.add_metric([run], counters.physics_steps)
         self.diverged.add_metric([run], counters.diverged)
+        self.refused.add_metric([run], counters.refused)
         self.joined.add_metric([run], counters.workers_joined)
         self.lost.add_metric([run], counters.workers_lost)
         self.taken_over.add_metric([run], counters.leases_taken_over)

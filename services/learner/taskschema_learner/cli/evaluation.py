@@ -100,9 +100,10 @@ def export(
         trajectories = held_out_episodes(folder, newest_policy(folder), episodes, mean=mean)
         source = "held-out episodes of the newest policy"
     else:
+        from taskschema_learner.evaluation import initial_policy_of
         from taskschema_learner.recomputation import published_trunk, recompute
 
-        again = recompute(folder.config, rounds, published_trunk(folder))
+        again = recompute(folder.config, rounds, published_trunk(folder), initial_policy_of(folder))
         trajectories = [item for each in again for item in each.trajectories]
         source = f"training episodes of the first {rounds} rounds, computed again"
     write_trajectories(output, task_of(folder.config), trajectories, folder.config.observation)

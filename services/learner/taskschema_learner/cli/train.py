@@ -37,6 +37,8 @@ def train(
     init_schema: option.InitSchema = None,
     freeze_schema: option.FreezeSchema = False,
     schema_public_key: option.SchemaPublicKey = None,
+    init_policy: option.InitPolicy = None,
+    safety_gate: option.SafetyGate = False,
     settings: option.Settings = None,
     until_success: option.UntilSuccess = 0.9,
     rounds: option.Rounds = None,
@@ -60,6 +62,7 @@ def train(
     from taskschema.errors import ConfigError
     from taskschema_learner.api.transport import Tls
     from taskschema_learner.cli.image_options import first_weights_sentence, read_trunk, with_image_options
+    from taskschema_learner.cli.transfer import with_initial_policy
 
     if ray is not None and redis is None:
         raise ConfigError("--ray needs --redis: a cluster's workers cannot reach the Redis inside this run.")
@@ -76,6 +79,7 @@ def train(
     tls = Tls.of(api_tls_cert, api_tls_key)
     first_trunk = read_trunk(vgg_weights)
     config = with_image_options(_with_options(config, given), given, first_trunk)
+    _require_useful_gate(config, agent)
     if config.observation == "image" and not resume:
         print(first_weights_sentence(config, vgg_weights))
 
@@ -83,6 +87,8 @@ def train(
     from taskschema_learner.composition import TrainOptions
     from taskschema_learner.progress import Limits
 
+    trunk_weights = None if first_trunk is None else first_trunk.weights
+    config, initial = with_initial_policy(config, init_policy, trunk_weights)
     _run(
         TrainOptions(
             config=config,
@@ -95,7 +101,8 @@ def train(
             api=None if api == "none" else api,
             api_tls=tls,
             device=device,
-            trunk=None if first_trunk is None else first_trunk.weights,
+            trunk=trunk_weights,
+            initial_policy=initial,
             agent=_agent_kind(agent),
         ),
         log_format,
@@ -166,9 +173,12 @@ def _with_options(config: "RunConfig", given: Mapping[str, Any]) -> "RunConfig":
     from taskschema.config import ObservationKind, PolicyKind, override
     from taskschema.errors import ConfigError, UnknownNameError
     from taskschema.tasks.registry import read_task_file
+    from taskschema_learner.cli.transfer import initial_logits
 
     changes = {
-        name: given[name] for name in ("task", "policy", "observation", "seed", "slots") if name in given
+        name: given[name]
+        for name in ("task", "policy", "observation", "seed", "slots", "safety_gate")
+        if name in given
     }
     for name, kinds in (("policy", PolicyKind), ("observation", ObservationKind)):
         if name in changes and changes[name] not in get_args(kinds):
@@ -193,37 +203,25 @@ def _with_options(config: "RunConfig", given: Mapping[str, Any]) -> "RunConfig":
     return override(changed, assignments)
 
 
-def initial_logits(
-    reference: str, config: "RunConfig", public_key: Path | None = None
-) -> tuple[tuple[float, ...], ...]:
-    """Return the logits of a schema file, or of a run.
+def _require_useful_gate(config: "RunConfig", agent: str) -> None:
+    """Refuse a gate in simulation where nothing is simulated, or nothing has arms.
 
     Raises:
-        TaskschemaError: if there is none, it does not fit the task, or the owner of a configured public key
-            did not sign it.
+        ConfigError: that says so.
 
     """
-    from taskschema.errors import SignatureError
-    from taskschema.schema import logits_from_document
+    from taskschema.errors import ConfigError
     from taskschema.tasks.registry import task_of
-    from taskschema_learner.cli.run_reference import find_run
-    from taskschema_learner.schema_file import read_schema
-    from taskschema_learner.signing import read_public_key
+    from taskschema.tasks.scene_task import SceneTask
 
-    path = Path(reference)
-    trusted = None if public_key is None else read_public_key(public_key)
-    if path.is_file():
-        document = read_schema(path, trusted)
-    else:
-        folder = find_run(reference)
-        if trusted is not None:
-            raise SignatureError(
-                f"Run {folder.name} is not signed, and a public key is configured: take the file that "
-                f"`taskschema schema {reference} --export FILE` writes."
-            )
-        document = folder.read_schema()
-    task = task_of(config)
-    return tuple(map(tuple, logits_from_document(document, task.pairs, task.horizon).tolist()))
+    if not config.safety_gate:
+        return
+    if agent == "robot":
+        raise ConfigError("A robot's own gate checks every motion: --safety-gate is for simulation alone.")
+    if not isinstance(task_of(config), SceneTask):
+        raise ConfigError(
+            f"Task {config.task!r} has no arms that a gate could stop: leave --safety-gate out."
+        )
 
 
 def _run(options: "TrainOptions", log_kind: str) -> None:

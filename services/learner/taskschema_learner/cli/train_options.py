@@ -62,6 +62,22 @@ InitSchema = Annotated[
 FreezeSchema = Annotated[
     bool, typer.Option("--freeze-schema", help="Leave the schema as it starts.", rich_help_panel=_LEARN)
 ]
+InitPolicy = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE_OR_RUN",
+        help="Start the argument network from a policy learned before; the paper transfers the schema only.",
+        rich_help_panel=_LEARN,
+    ),
+]
+SafetyGate = Annotated[
+    bool,
+    typer.Option(
+        "--safety-gate",
+        help="Refuse in simulation what the robot's safety gate would refuse before a motion.",
+        rich_help_panel=_LEARN,
+    ),
+]
 SchemaPublicKey = Annotated[
     Path | None,
     typer.Option(

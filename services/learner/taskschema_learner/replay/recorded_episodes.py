@@ -14,6 +14,7 @@ from taskschema_learner.replay.response_overlay import ResponseOverlay
 from taskschema_learner.run_folder import RunFolder
 from taskschema_worker.audit.episodes import expert, run_schema
 from taskschema_worker.image_environment import ImageEnvironment
+from taskschema_worker.plan_gate import PlanGate
 from taskschema_worker.recording import RecordedEpisode, RecordingEnvironment, SeenRecordingEnvironment
 
 
@@ -48,13 +49,14 @@ def run_episodes(folder: RunFolder, count: int, *, mean: bool) -> list[RecordedE
     task = scene_of(task_of(folder.config))
     threads = os.cpu_count() or 1
     visuals = folder.config.image.randomise_visuals
+    gate = PlanGate(task) if folder.config.safety_gate else None
     recording: RecordingEnvironment
     environment: BatchEnvironment
     if folder.config.observation == "image":
-        recording = SeenRecordingEnvironment(task, threads, randomise_visuals=visuals)
+        recording = SeenRecordingEnvironment(task, threads, randomise_visuals=visuals, gate=gate)
         environment = ImageEnvironment(task, recording)
     else:
-        environment = recording = RecordingEnvironment(task, threads)
+        environment = recording = RecordingEnvironment(task, threads, gate=gate)
     held_out_episodes(folder, newest_policy(folder), count, mean=mean, environment=environment)
     return recording.episodes
 

@@ -10,6 +10,9 @@ from taskschema.arrays import FloatArray
 from taskschema.kinematics.sawyer import rethink_gripper
 from taskschema.policies import ActingPolicy
 from taskschema.randomness import EpisodeKey, Purpose, generator
+from taskschema.safety.limits import SafetyLimits
+from taskschema.safety.motion import Motion
+from taskschema.safety.refusal import Refusal
 from taskschema.tasks.scene_task import SceneTask
 from taskschema.trajectory import Trajectory
 from taskschema_robot.agent.observer import Observer, StateObserver
@@ -19,9 +22,6 @@ from taskschema_robot.clock import Clock
 from taskschema_robot.reward.judge import Judgement, Outcome
 from taskschema_robot.safety.gated_arms import GatedArms
 from taskschema_robot.safety.homing import return_home
-from taskschema_robot.safety.limits import SafetyLimits
-from taskschema_robot.safety.motion import Motion
-from taskschema_robot.safety.refusal import Refusal
 
 log = logging.getLogger("taskschema.robot")
 
@@ -127,6 +127,7 @@ class EpisodeRunner:
             arguments=np.stack(raws),
             success=judgement.outcome is Outcome.SUCCESS,
             attempt=key.attempt,
+            refused=len(record.refusals),
         )
         return trajectory, record
 

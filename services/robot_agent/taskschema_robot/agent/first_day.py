@@ -7,14 +7,14 @@ import numpy as np
 from taskschema.arrays import FloatArray
 from taskschema.kinematics.sawyer import rethink_gripper, sawyer, sawyer_pair
 from taskschema.motion.timing import fastest_path
+from taskschema.safety.limits import SafetyLimits
+from taskschema.safety.motion import Motion
 from taskschema.skills.pairs import ARMS
 from taskschema_robot.clock import Clock
 from taskschema_robot.drivers.driver import ArmState
 from taskschema_robot.errors import RobotError
 from taskschema_robot.safety.fault import FaultError
 from taskschema_robot.safety.gate import SafetyGate
-from taskschema_robot.safety.limits import SafetyLimits
-from taskschema_robot.safety.motion import Motion
 
 STATES = 100
 """Joint states that are timed."""

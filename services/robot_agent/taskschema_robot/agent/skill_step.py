@@ -6,25 +6,21 @@ import numpy as np
 
 from taskschema.arrays import FloatArray
 from taskschema.kinematics.inverse import solve_inverse
-from taskschema.kinematics.rotation import rotate
 from taskschema.kinematics.sawyer import rethink_gripper, sawyer_pair, sawyers
 from taskschema.motion import ArmPath, PlanningContext
 from taskschema.motion.line import joints_along_line
 from taskschema.motion.timing import PathLimits, fastest_path
+from taskschema.safety.motion import HeldObject, Motion
+from taskschema.safety.step_motion import hand_goal, held_object, is_closed, is_thick
 from taskschema.skills.skill import Skill
 from taskschema.tasks.scene_task import SceneTask
 from taskschema_robot.drivers.driver import ArmState
-from taskschema_robot.safety.motion import HeldObject, Motion
 
-ENDS_AT_POINT = ("top_grasp", "side_grasp", "go_to_pose")
-"""Skills whose arguments x and y are where the hand ends, from the object's centre."""
 LEAST_DESCENT = 0.01
 """What is lifted by less is let go where it is [m]."""
 DESCENT_POSES = 6
 DESCENT = PathLimits(speed=0.15, acceleration=0.5)
 """Of what is put down [m/s], [m/s^2]."""
-HOLDS = 0.004
-"""A gripper that was closed and stays further open than this holds something, whatever it says itself [m]."""
 
 
 @dataclass
@@ -71,7 +67,7 @@ class StepPlanner:
         for arm, skill in enumerate(self._skills(pair)):
             values = arguments[self._task.pairs.columns(arm, self._index(pair, arm))]
             paths.append(skill.plan(self._context(arm, states[arm], pose), values[None]))
-            goals.append(pose[:2] + values[:2] if skill.name in ENDS_AT_POINT else None)
+            goals.append(hand_goal(skill, values, pose))
         held = [self._held(arm, states[arm], pose) for arm in (0, 1)]
         return Motion.of_paths(
             paths[0],
@@ -104,7 +100,7 @@ class StepPlanner:
         Both hands go down by the same distance at the same speed: what they hold stays level. They stay
         closed.
         """
-        closed = [arm for arm in (0, 1) if self.hands.opening[arm] <= rethink_gripper().closed]
+        closed = [arm for arm in (0, 1) if is_closed(self.hands.opening[arm])]
         heights = [
             float(kinematics.forward(state.positions[None])[0][0, 2])
             for kinematics, state in zip(sawyer_pair(), states, strict=True)
@@ -150,15 +146,11 @@ class StepPlanner:
         )
 
     def _closed_on_something(self, arm: int, state: ArmState) -> bool:
-        closed = rethink_gripper().closed
-        thick = state.gripper.opening >= closed + HOLDS
-        return bool(self.hands.opening[arm] <= closed and (thick or state.gripper.gripping))
+        holds = is_thick(state.gripper.opening) or state.gripper.gripping
+        return is_closed(self.hands.opening[arm]) and holds
 
     def _held(self, arm: int, state: ArmState, pose: FloatArray) -> HeldObject | None:
         """Return the object in the hand's frame, if the hand holds it."""
         if not self._closed_on_something(arm, state):
             return None
-        position, rotation = sawyer_pair()[arm].forward(state.positions[None])
-        inverse = rotation[0].T
-        turn = np.stack([rotate(pose[3:7], axis) for axis in np.eye(3)], axis=1)
-        return HeldObject(self._size, inverse @ (pose[:3] - position[0]), inverse @ turn)
+        return held_object(self._size, pose, arm, state.positions)

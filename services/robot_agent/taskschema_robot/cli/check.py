@@ -32,11 +32,11 @@ def check(
     tenth of the arms' speed. No stop that this software offers is safety rated.
     """
     from taskschema.errors import ConfigError
+    from taskschema.safety.limits import SafetyLimits
     from taskschema_robot.agent.first_day import FirstDay
     from taskschema_robot.cli.arms import Robots, distant_twin, robot_hardware, twin_hardware
     from taskschema_robot.errors import NotReadyError
     from taskschema_robot.safety.gate import SafetyGate
-    from taskschema_robot.safety.limits import SafetyLimits
 
     if (twin is None) == (left is None or right is None):
         raise ConfigError("Say which arms: --twin URL, or --left URL and --right URL, one of both.")

@@ -6,6 +6,8 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from taskschema.safety.motion import Motion
+from taskschema.safety.refusal import Refusal
 from taskschema_robot.agent.episode import Preview
 from taskschema_robot.agent.operator import Operator, Unattended
 from taskschema_robot.agent.terminal_operator import TerminalOperator
@@ -13,8 +15,6 @@ from taskschema_robot.agent.twin_person import TwinPerson
 from taskschema_robot.agent.world import EpisodeDroppedError
 from taskschema_robot.reward.camera_world import ResetPerson
 from taskschema_robot.safety.monitors import HoldToRun
-from taskschema_robot.safety.motion import Motion
-from taskschema_robot.safety.refusal import Refusal
 from taskschema_robot.safety.watchdog import Monitor
 from taskschema_robot.twin.client import TwinClient
 

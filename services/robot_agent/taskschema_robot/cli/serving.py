@@ -14,6 +14,7 @@ from taskschema.bus.connection import connect
 from taskschema.bus.records import RunRecords
 from taskschema.bus.worker_bus import WorkerBus
 from taskschema.errors import ConfigError
+from taskschema.safety.limits import SafetyLimits
 from taskschema.tasks.registry import task_of
 from taskschema.tasks.scene_task import SceneTask
 from taskschema_robot.agent.episode import EpisodeRunner
@@ -30,7 +31,6 @@ from taskschema_robot.objects.robot_object import RobotObject
 from taskschema_robot.reward.camera_world import CameraWorld
 from taskschema_robot.reward.tracker import ObjectTracker
 from taskschema_robot.safety.gate import SafetyGate
-from taskschema_robot.safety.limits import SafetyLimits
 from taskschema_robot.safety.monitors import CameraMonitor, LinkMonitor
 from taskschema_robot.safety.watchdog import Monitor
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from taskschema.arrays import FloatArray
-from taskschema.kinematics.sawyer import sawyer
+from taskschema.kinematics.sawyer import GRIPPER_STROKE, sawyer
 from taskschema_robot import sawyer_interface as interface
 from taskschema_robot.clock import Clock
 from taskschema_robot.drivers.bridge_connection import BridgeConnection
@@ -203,7 +203,7 @@ class RosbridgeArm:
         if not gripper.calibrated or gripper.error:
             what = "reports an error" if gripper.error else "is not calibrated"
             raise NotReadyError(f"{self.name}: the gripper {what}: calibrate it.")
-        travel = min(max(opening - self._address.finger_mount, 0.0), interface.GRIPPER_STROKE)
+        travel = min(max(opening - self._address.finger_mount, 0.0), GRIPPER_STROKE)
         self._gripping = self._send_signal("position_m", travel)
 
     @property

@@ -11,17 +11,17 @@ import numpy as np
 
 from taskschema.arrays import FloatArray
 from taskschema.kinematics.sawyer import rethink_gripper
+from taskschema.safety.limits import SafetyLimits
+from taskschema.safety.motion import Motion
+from taskschema.safety.plan_checks import check_plan
+from taskschema.safety.refusal import Refusal
+from taskschema.safety.sweep import Sweep
 from taskschema.skills.pairs import ARMS
 from taskschema_robot.clock import Clock
 from taskschema_robot.drivers.driver import ArmDriver, ArmState
 from taskschema_robot.errors import RobotError
 from taskschema_robot.safety.fault import Fault, FaultError, FaultKind
-from taskschema_robot.safety.limits import SafetyLimits
-from taskschema_robot.safety.motion import Motion
-from taskschema_robot.safety.plan_checks import check_plan
 from taskschema_robot.safety.readiness import await_stop, make_ready
-from taskschema_robot.safety.refusal import Refusal
-from taskschema_robot.safety.sweep import Sweep
 from taskschema_robot.safety.watchdog import Monitor, obeyed, watch_monitors, watch_states, watch_tracking
 
 log = logging.getLogger("taskschema.robot.safety")

@@ -2,10 +2,10 @@
 
 from typing import Protocol
 
+from taskschema.safety.motion import Motion
+from taskschema.safety.refusal import Refusal
 from taskschema_robot.drivers.driver import ArmState
 from taskschema_robot.safety.fault import Fault
-from taskschema_robot.safety.motion import Motion
-from taskschema_robot.safety.refusal import Refusal
 
 
 class GatedArms(Protocol):

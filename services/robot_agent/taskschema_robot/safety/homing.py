@@ -10,9 +10,9 @@ from taskschema.kinematics.inverse import solve_inverse
 from taskschema.kinematics.sawyer import sawyer_pair
 from taskschema.motion import ArmPath
 from taskschema.motion.timing import fastest_path
+from taskschema.safety.motion import Motion
 from taskschema_robot.safety.fault import RecoveryError
 from taskschema_robot.safety.gated_arms import GatedArms
-from taskschema_robot.safety.motion import Motion
 
 log = logging.getLogger("taskschema.robot.safety")
 

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from taskschema.arrays import FloatArray
-from taskschema_robot.safety.arm_model import ArmModel
-from taskschema_robot.safety.motion import Motion
-from taskschema_robot.safety.refusal import Refusal
+from taskschema.safety.arm_model import ArmModel
+from taskschema.safety.motion import Motion
+from taskschema.safety.refusal import Refusal
 
 COLOURS = {0: "tab:blue", 1: "tab:orange", None: "tab:gray"}
 VIEWS = (("from above", 0, 1), ("from the right, along -x", 1, 2))

@@ -8,10 +8,10 @@ import numpy as np
 
 from taskschema.arrays import FloatArray
 from taskschema.kinematics.sawyer import rethink_gripper
+from taskschema.safety.limits import SafetyLimits
 from taskschema.skills.pairs import ARMS
 from taskschema_robot.drivers.driver import ArmState, GripperState
 from taskschema_robot.safety.fault import Fault, FaultKind
-from taskschema_robot.safety.limits import SafetyLimits
 
 OPEN_TRAVEL = 0.02
 """Of a gripper that was told to open [m]: half of what an electric gripper can do."""

@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 
 from taskschema.arrays import AnyArray, FloatArray
-from taskschema.kinematics.sawyer import rethink_gripper, sawyer_pair
+from taskschema.kinematics.sawyer import GRIPPER_STROKE, rethink_gripper, sawyer_pair
 from taskschema.skills.pairs import ARMS
-from taskschema_robot.sawyer_interface import GRIPPER_STROKE, JOINT_NAMES
+from taskschema_robot.sawyer_interface import JOINT_NAMES
 from taskschema_robot.twin.sawyer.measurement import ArmMeasurement
 
 TIMESTEP = 0.005

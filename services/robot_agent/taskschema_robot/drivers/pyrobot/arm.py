@@ -12,12 +12,12 @@ import msgspec
 import numpy as np
 
 from taskschema.arrays import FloatArray
-from taskschema.kinematics.sawyer import sawyer
+from taskschema.kinematics.sawyer import GRIPPER_STROKE, sawyer
 from taskschema_robot.clock import Clock
 from taskschema_robot.drivers.command_guard import CommandGuard, why_not_ready
 from taskschema_robot.drivers.driver import ArmState, GripperState
 from taskschema_robot.errors import EffectTimeoutError, NotConnectedError, NotReadyError
-from taskschema_robot.sawyer_interface import BUTTON_PRESSED, GRIPPER_STROKE
+from taskschema_robot.sawyer_interface import BUTTON_PRESSED
 
 CHILD = Path(__file__).with_name("child.py")
 START_SECONDS = 60.0

@@ -4,7 +4,7 @@ import json
 from collections import deque
 from typing import Any
 
-from taskschema_robot.sawyer_interface import GRIPPER_STROKE
+from taskschema.kinematics.sawyer import GRIPPER_STROKE
 from taskschema_robot.twin.ros.message import Message
 from taskschema_robot.twin.ros.serialisation import ros_time
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from taskschema.arrays import AnyArray, FloatArray
 from taskschema.kinematics.sawyer import rethink_gripper, sawyer, sawyer_pair
+from taskschema.safety.limits import SafetyLimits
+from taskschema.safety.motion import HeldObject, Motion
+from taskschema.safety.refusal import Refusal, RefusalKind
 from taskschema.skills.pairs import ARMS
-from taskschema_robot.safety.limits import SafetyLimits
-from taskschema_robot.safety.motion import HeldObject, Motion
-from taskschema_robot.safety.refusal import Refusal, RefusalKind
 
 ROUNDING = 1e-6
 """Relative excess over a limit that is rounding, not motion."""

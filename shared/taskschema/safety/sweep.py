@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taskschema.arrays import FloatArray, IntArray
-from taskschema_robot.safety.arm_model import FINGERS, HAND, LINKS, NEIGHBOURS, ArmModel
-from taskschema_robot.safety.limits import SafetyLimits
-from taskschema_robot.safety.motion import Motion
-from taskschema_robot.safety.refusal import Refusal, RefusalKind
+from taskschema.arrays import BoolArray, FloatArray, IntArray
+from taskschema.safety.arm_model import FINGERS, HAND, LINKS, NEIGHBOURS, ArmModel
+from taskschema.safety.limits import SafetyLimits
+from taskschema.safety.motion import Motion
+from taskschema.safety.refusal import Refusal, RefusalKind
 
 RECOVERY_SHARE = 0.7
 """Least share of their distance at the start that shapes keep which are too near at the start already."""
@@ -26,12 +26,45 @@ class Pair:
     kind: RefusalKind
 
 
+@dataclass(frozen=True, eq=False)
+class PairTable:
+    """The pairs that are tested, also as arrays."""
+
+    pairs: list[Pair]
+    """[P]"""
+    first: IntArray
+    """[P]"""
+    second: IntArray
+    """[P]"""
+    need: FloatArray
+    """[P] clearances, and what two shapes can come nearer between two tested configurations [m]."""
+    on_table: BoolArray
+    """[P] whether the second shape is the table."""
+
+
 class Sweep:
-    """Tests motions against a collision model; keeps nothing between them."""
+    """Tests motions against a collision model; what it says about one does not depend on others."""
 
     def __init__(self, limits: SafetyLimits) -> None:
         self._limits = limits
         self._model = ArmModel()
+        self._tables: dict[tuple[bool, ...], PairTable] = {}
+
+    def refuses(self, motion: Motion, measured: FloatArray) -> bool:
+        """Return whether `check` has a reason to refuse a motion, without saying which: that is sooner known.
+
+        Most plans that are refused fail at their end, too, which is one configuration of hundreds.
+        """
+        self._hold(motion)
+        end, now = motion.joints[:, -1:], np.zeros(1)
+        centres, frames = self._model.poses(end)
+        extents = self._model.extents(frames)
+        refusal = (
+            self._outside(end, now, centres, extents, recovering=False)
+            or self._too_near(motion, end, now, centres, recovering=False)
+            or self.check(motion, measured)
+        )
+        return refusal is not None
 
     def check(self, motion: Motion, measured: FloatArray, *, recovering: bool = False) -> Refusal | None:
         """Return why a motion from `measured` [2, 7] must not be made, or None.
@@ -44,8 +77,7 @@ class Sweep:
             measured: where the arms are.
             recovering: shapes that are too near each other already may part, but not come nearer.
         """
-        for arm, held in enumerate(motion.held):
-            self._model.hold(arm, held, self._limits.held_inflation)
+        self._hold(motion)
         joints, times = self._dense(motion, measured)
         centres, frames = self._model.poses(joints)
         extents = self._model.extents(frames)
@@ -54,6 +86,10 @@ class Sweep:
             or self._sagging(motion, joints, times, centres, extents)
             or self._too_near(motion, joints, times, centres, recovering)
         )
+
+    def _hold(self, motion: Motion) -> None:
+        for arm, held in enumerate(motion.held):
+            self._model.hold(arm, held, self._limits.held_inflation)
 
     def _dense(self, motion: Motion, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return configurations [2, D, 7] and times [D] from where the arms are to the end, both included."""
@@ -112,16 +148,9 @@ class Sweep:
         self, motion: Motion, joints: FloatArray, times: FloatArray, centres: FloatArray, recovering: bool
     ) -> Refusal | None:
         """Check every pair of shapes whose bounding spheres come near, in the order of time."""
-        pairs = self._pairs(motion)
-        first = np.array([pair.first for pair in pairs])
-        second = np.array([pair.second for pair in pairs])
-        need = np.array([pair.clearance for pair in pairs]) + self._between(first, second)
-        offset = centres[:, first] - centres[:, second]
-        gap = np.sqrt((offset * offset).sum(axis=2)) - self._model.radii[first] - self._model.radii[second]
-        table = second == self._model.index(None, "table")
-        lowest = centres[:, first, 2] - self._model.radii[first]
-        gap = np.where(table, lowest, gap)
-        near = gap < need
+        table = self._table(motion)
+        pairs, need = table.pairs, table.need
+        near = self._near(table, centres)
         if recovering:
             start = self._distances(joints[:, 0], pairs, need)
             kept = np.where(start > 0.0, RECOVERY_SHARE * start, start) - RECOVERY_TOLERANCE
@@ -135,6 +164,14 @@ class Sweep:
                     return self._refusal(pair, distance, float(times[step]), joints[:, step].copy())
         return None
 
+    def _near(self, table: PairTable, centres: FloatArray) -> BoolArray:
+        """Return which pairs' bounding spheres come too near [S, P]."""
+        radii = self._model.radii
+        offset = centres[:, table.first] - centres[:, table.second]
+        gap = np.sqrt((offset * offset).sum(axis=2)) - radii[table.first] - radii[table.second]
+        lowest = centres[:, table.first, 2] - radii[table.first]
+        return np.asarray(np.where(table.on_table, lowest, gap) < table.need)
+
     def _distances(self, joints: FloatArray, pairs: list[Pair], need: FloatArray) -> FloatArray:
         self._model.place(joints)
         return np.array(
@@ -144,11 +181,18 @@ class Sweep:
             ]
         )
 
-    def _between(self, first: IntArray, second: IntArray) -> FloatArray:
-        """Return what two shapes can come nearer between two tested configurations [P]."""
-        table = self._model.index(None, "table")
-        movers = 1.0 + (second != table)
-        return np.asarray(0.5 * self._limits.sweep_resolution * movers)
+    def _table(self, motion: Motion) -> PairTable:
+        """Return the pairs that are tested with what the hands hold."""
+        held = tuple(thing is not None for thing in motion.held)
+        if held not in self._tables:
+            pairs = self._pairs(motion)
+            first = np.array([pair.first for pair in pairs])
+            second = np.array([pair.second for pair in pairs])
+            on_table = second == self._model.index(None, "table")
+            between = 0.5 * self._limits.sweep_resolution * (2.0 - on_table)
+            need = np.array([pair.clearance for pair in pairs]) + between
+            self._tables[held] = PairTable(pairs, first, second, need, on_table)
+        return self._tables[held]
 
     def _refusal(self, pair: Pair, distance: float, time: float, joints: FloatArray) -> Refusal:
         names = tuple(self._model.shapes[index].name for index in (pair.first, pair.second))

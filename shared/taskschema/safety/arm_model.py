@@ -9,8 +9,8 @@ import numpy as np
 from taskschema.arrays import FloatArray, IntArray
 from taskschema.kinematics.rotation import matrix_to_quaternion
 from taskschema.kinematics.sawyer import sawyer_pair
+from taskschema.safety.motion import HeldObject
 from taskschema.skills.pairs import ARMS
-from taskschema_robot.safety.motion import HeldObject
 
 JOINTS = 7
 TABLE_SIZE = (2.0, 2.0, 0.2)
@@ -72,6 +72,7 @@ class ArmModel:
         """[G] of the sphere around each shape's centre [m]."""
         self._capsule = np.array(model.geom_type == mujoco.mjtGeom.mjGEOM_CAPSULE)
         self._half: FloatArray = np.array(model.geom_size, dtype=np.float64)
+        self._full = [False, False]
 
     def index(self, arm: int | None, link: str) -> int:
         """Return where a shape stands in `shapes`."""
@@ -79,6 +80,9 @@ class ArmModel:
 
     def hold(self, arm: int, held: HeldObject | None, inflation: float) -> None:
         """Put an inflated box into a hand, or take it out."""
+        if held is None and not self._full[arm]:
+            return
+        self._full[arm] = held is not None
         geom = self.index(arm, "held")
         half = np.full(3, NOTHING) if held is None else 0.5 * held.size + inflation
         position, rotation = (np.zeros(3), np.eye(3)) if held is None else (held.position, held.rotation)

@@ -55,9 +55,7 @@ class Motion:
         A slower motion is the same path in more time: velocities shrink with the ratio, accelerations with
         its square. The last set-point is the end of the longer path.
         """
-        duration = max(float(left.duration[0]), float(right.duration[0])) / speed_ratio
-        count = max(int(np.ceil(duration / period - 1e-9)), 1)
-        times = np.minimum(np.arange(count + 1) * period, duration) * speed_ratio
+        times = set_point_times(max(float(left.duration[0]), float(right.duration[0])), period, speed_ratio)
         sampled = [path.sample(times) for path in (left, right)]
         return Motion(
             joints=np.stack([joints[0] for joints, _, _ in sampled]),
@@ -75,3 +73,10 @@ class Motion:
     def duration(self) -> float:
         """Seconds from the first set-point to the last."""
         return (len(self) - 1) * self.period
+
+
+def set_point_times(duration: float, period: float, speed_ratio: float = 1.0) -> FloatArray:
+    """Return where on paths of `duration` [s], run at a share of their speed, the set-points lie [S] [s]."""
+    slowed = duration / speed_ratio
+    count = max(int(np.ceil(slowed / period - 1e-9)), 1)
+    return np.asarray(np.minimum(np.arange(count + 1) * period, slowed) * speed_ratio)

@@ -1,0 +1,78 @@
+"""The table of trainings on the twin: what came from simulation says so, beside what did not."""
+
+import argparse
+import csv
+from pathlib import Path
+
+import msgspec
+import pytest
+from bench import robot_twin
+from bus_setup import some_metrics
+
+from taskschema.config import RunConfig
+from taskschema_learner.run_folder import RunFolder
+from taskschema_robot.agent.progress import COLUMNS
+
+CONFIG = RunConfig(task="opening", policy="oracle")
+POLICY = "ab" * 32
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def agent_log(name: str, successes: list[bool]) -> None:
+    path = robot_twin.RUNS / "agent" / name / "episodes.csv"
+    path.parent.mkdir(parents=True)
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS)
+        for number, success in enumerate(successes):
+            row = dict.fromkeys(COLUMNS, 0) | {"slot": number, "success": int(success), "skills": 3}
+            writer.writerow(
+                (row | {"refused": 1, "attempt": number % 2, "hours": 0.5, "last_100": 0}).values()
+            )
+
+
+def test_both_ways_of_an_object_stand_side_by_side(place):
+    RunFolder.create(robot_twin.RUNS / "water-bottle", CONFIG)
+    config = msgspec.structs.replace(CONFIG, initial_policy=POLICY)
+    RunFolder.create(robot_twin.RUNS / "water-bottle-from-simulation", config, b"policy")
+    agent_log("water-bottle", [False] * 120)
+    agent_log("water-bottle-from-simulation", [False] * 20 + [True] * 180)
+    simulated = RunFolder.create(robot_twin.RUNS / "simulated" / "water-bottle", config, b"policy")
+    for index, refused in enumerate((300, 30)):
+        row = msgspec.structs.replace(
+            some_metrics(index), steps=600 * (index + 1), refused=refused, episodes=200 * (index + 1)
+        )
+        simulated.append_metrics(row)
+    robot_twin.write_results()
+    text = Path("results/robot-twin/README.md").read_text()
+    one, other = (line for line in text.splitlines() if line.startswith("| water-bottle | the paper's"))
+    assert one.split(" | ")[2:6] == ["random", "120", "0", "0"]
+    assert one.endswith("| 0% | 0% |")
+    assert other.split(" | ")[2:5] == ["simulation's", "200", "180"]
+    assert other.endswith("| 80% | 100% |")  # 80 of the first 100, all of the last
+    assert "water-bottle did not reach" in text
+    assert (
+        "| water-bottle | a run without the gate | 400 | 50.0% | 50% | 50% | 5% |" in text
+    )  # 300, 30 of 600
+
+
+def test_the_policy_is_handed_to_the_learner(place):
+    given = argparse.Namespace(
+        task="opening",
+        object="water-bottle",
+        init_schema=None,
+        init_policy="runs/gated",
+        rounds=None,
+        seed=0,
+        set=["ppo.epochs=4"],
+    )
+    command = robot_twin._train_command(given, Path("somewhere"))
+    assert command[command.index("--init-policy") + 1] == "runs/gated"
+    assert command[command.index("--set") + 1] == "ppo.epochs=4"
+    given.init_policy = None
+    assert "--init-policy" not in robot_twin._train_command(given, Path("somewhere"))
