@@ -18,6 +18,7 @@ from taskschema.bus.url import REDIS_VARIABLE, hide_password
 from taskschema.bus.worker_bus import LEASE_SECONDS, WorkerBus
 from taskschema.errors import BusError, TaskschemaError, UnknownNameError
 from taskschema.logs import FORMAT_VARIABLE, bind, log_format, log_to_stderr
+from taskschema_worker.environments import spare_graphics
 from taskschema_worker.worker import RETRY_SECONDS, Worker
 
 log = logging.getLogger("taskschema.worker")
@@ -58,6 +59,7 @@ def _start(options: argparse.Namespace, stop: threading.Event) -> Worker | None:
             bus = WorkerBus(
                 connect(options.redis), options.run, worker_id, lease_seconds=options.lease_seconds
             )
+            spare_graphics(bus.join())
             return Worker(bus, options.threads)
         except (BusError, UnknownNameError) as error:
             if waited >= options.wait:

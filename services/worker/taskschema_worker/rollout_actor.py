@@ -38,11 +38,13 @@ class RolloutActor:
 
         """
         # Here, for a learner names this class to Ray and has none of the simulator's packages.
+        from taskschema_worker.environments import spare_graphics
         from taskschema_worker.worker import Worker
 
         worker_id = f"{socket.gethostname()}-{os.getpid()}-{self._name}"
         bind(run=self._run, worker=worker_id)
         bus = WorkerBus(connect(self._redis_url), self._run, worker_id, cores=self._cores)
+        spare_graphics(bus.join())
         Worker(bus).run(self._stop)
 
     def stop(self) -> None:
