@@ -110,6 +110,7 @@ COLUMNS = (
     "object",
     "schema",
     "first weights",
+    "update",
     "episodes",
     "successes",
     "updates",
@@ -125,8 +126,9 @@ INTRODUCTION = """\
 # Training on the twin, as on robots
 
 `python -m bench.robot_twin TASK OBJECT` on {machine}. One agent drives two simulated
-Sawyers over rosbridge in lock-step; rounds of 167 episodes, learning rate 0.005, 10 minibatches, 10 epochs
-(paper, section IV-D). The policy sees states, by the twin's own word.
+Sawyers over rosbridge in lock-step, in rounds of 167 episodes. `update` is the learning rate, and minibatches x
+epochs of the update after each; the paper's for robots is 0.005, 10 x 10 (section IV-D). The policy sees states, by
+the twin's own word.
 `first 100` is success over the first 100 episodes, before any update: for a network that starts from a policy
 that was trained in simulation (with `--safety-gate`), what the twin makes of that. The paper transfers the
 schema only; the rows with `random` weights do as it does.
@@ -226,6 +228,7 @@ def _table(curves: list[Curve]) -> str:
             curve.name.removesuffix(FROM_SIMULATION),
             schema,
             first,
+            f"{config.ppo.learning_rate:g}, {config.ppo.minibatches} x {config.ppo.epochs}",
             f"{len(curve.rows):,}",
             f"{curve.total('success'):,.0f}",
             f"{updates}",

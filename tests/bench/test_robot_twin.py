@@ -51,9 +51,9 @@ def test_both_ways_of_an_object_stand_side_by_side(place):
     robot_twin.write_results()
     text = Path("results/robot-twin/README.md").read_text()
     one, other = (line for line in text.splitlines() if line.startswith("| water-bottle | the paper's"))
-    assert one.split(" | ")[2:6] == ["random", "120", "0", "0"]
+    assert one.split(" | ")[2:7] == ["random", "0.001, 4 x 4", "120", "0", "0"]
     assert one.endswith("| 0% | 0% |")
-    assert other.split(" | ")[2:5] == ["simulation's", "200", "180"]
+    assert other.split(" | ")[2:6] == ["simulation's", "0.001, 4 x 4", "200", "180"]
     assert other.endswith("| 80% | 100% |")  # 80 of the first 100, all of the last
     assert "water-bottle did not reach" in text
     assert (
