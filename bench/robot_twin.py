@@ -126,9 +126,9 @@ INTRODUCTION = """\
 # Training on the twin, as on robots
 
 `python -m bench.robot_twin TASK OBJECT` on {machine}. One agent drives two simulated
-Sawyers over rosbridge in lock-step, in rounds of 167 episodes. `update` is the learning rate, and minibatches x
-epochs of the update after each; the paper's for robots is 0.005, 10 x 10 (section IV-D). The policy sees states, by
-the twin's own word.
+Sawyers over rosbridge in lock-step, in rounds of 167 episodes. `update` is the learning rate, and
+minibatches x epochs of the update after each; the paper's for robots is 0.005, 10 x 10 (section IV-D). The
+policy sees states, by the twin's own word.
 `first 100` is success over the first 100 episodes, before any update: for a network that starts from a policy
 that was trained in simulation (with `--safety-gate`), what the twin makes of that. The paper transfers the
 schema only; the rows with `random` weights do as it does.
