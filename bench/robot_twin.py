@@ -140,8 +140,10 @@ pace of {pace:g} s each (2,000 skills in 6 to 8 hours). The paper's real runs to
 SIMULATION = """
 ## In simulation, with the gate
 
-Where the policies of the rows above come from: `taskschema train TASK --safety-gate --run-dir
-runs/robot-twin/simulated/OBJECT`, in rounds of 200 episodes and with the settings of simulation.
+Where the policies of the rows above come from: `taskschema train TASK --policy oracle --safety-gate --init-policy
+RUN --until-success 0.97 --run-dir runs/robot-twin/simulated/OBJECT`, in rounds of 200 episodes and with the
+settings of simulation; without the gate, RUN came from `taskschema train lateral-lifting --seed 1` and `taskschema
+train opening --policy oracle`.
 
 | object | first weights | episodes | first round | last 100 | refused, first round | refused, last round |
 |---|---|---|---|---|---|---|
@@ -241,10 +243,15 @@ def _table(curves: list[Curve]) -> str:
             f"{curve.last_100:.0%}",
         )
         lines.append(_line(cells))
-    open_ended = [curve.name for curve in curves if curve.last_100 < 0.9]
+    open_ended = [_words(curve.name) for curve in curves if curve.last_100 < 0.9]
     if open_ended:
         lines += UNFINISHED.format(names=", ".join(open_ended)).splitlines()
     return "\n".join([*lines, *_simulated(), "", "![success against hours](curves.png)", ""])
+
+
+def _words(name: str) -> str:
+    start = "a policy of simulation" if name.endswith(FROM_SIMULATION) else "random weights"
+    return f"{name.removesuffix(FROM_SIMULATION)} from {start}"
 
 
 def _line(cells: Sequence[str]) -> str:
@@ -262,7 +269,7 @@ def _draw(curves: list[Curve]) -> None:
         axes.plot(
             [float(row["hours"]) for row in curve.rows],
             [float(row["last_100"]) for row in curve.rows],
-            label=curve.name,
+            label=_words(curve.name),
         )
     axes.axhline(0.9, color="gray", lw=0.8, ls="--")
     axes.set_xlabel("hours on the twin's clock")
