@@ -32,7 +32,7 @@ START_SECONDS = 120.0
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("task")
+    parser.add_argument("task", help="a task, or FILE:CLASS of one")
     parser.add_argument("object")
     parser.add_argument(
         "--init-schema", help="schema or run to transfer (default: the paper's schema, given)"
@@ -87,7 +87,8 @@ def _train_command(arguments: argparse.Namespace, folder: Path) -> list[str]:
         command += ["--rounds", str(arguments.rounds)]
     if (folder / "config.json").exists():
         return [*command, "--resume", "--run-dir", str(folder)]
-    command += [arguments.task, "--run-dir", str(folder), "--seed", str(arguments.seed)]
+    command += ["--task-file", arguments.task] if ":" in arguments.task else [arguments.task]
+    command += ["--run-dir", str(folder), "--seed", str(arguments.seed)]
     for assignment in arguments.set:
         command += ["--set", assignment]
     if arguments.init_policy is not None:
@@ -140,10 +141,10 @@ pace of {pace:g} s each (2,000 skills in 6 to 8 hours). The paper's real runs to
 SIMULATION = """
 ## In simulation, with the gate
 
-Where the policies of the rows above come from: `taskschema train TASK --policy oracle --safety-gate --init-policy
-RUN --until-success 0.97 --run-dir runs/robot-twin/simulated/OBJECT`, in rounds of 200 episodes and with the
-settings of simulation; without the gate, RUN came from `taskschema train lateral-lifting --seed 1` and `taskschema
-train opening --policy oracle`.
+Where the policies of the rows above come from: `taskschema train TASK --policy oracle --safety-gate
+--init-policy RUN --until-success 0.97 --run-dir runs/robot-twin/simulated/OBJECT`, in rounds of 200
+episodes and with the settings of simulation; without the gate, RUN came from `taskschema train
+lateral-lifting --seed 1` and `taskschema train opening --policy oracle`.
 
 | object | first weights | episodes | first round | last 100 | refused, first round | refused, last round |
 |---|---|---|---|---|---|---|
