@@ -132,8 +132,9 @@ minibatches x epochs of the update after each; the paper's for robots is 0.005, 
 policy sees states, by the twin's own word.
 `first 100` is success over the first 100 episodes, before any update: for a network that starts from a policy
 that was trained in simulation (with `--safety-gate`), what the twin makes of that. The paper transfers the
-schema only; the rows with `random` weights do as it does. `dropped` episodes were ended by a fault, mostly a hand
-that pressed with more than 80 N; they are run again, count neither way, and each is a person's acknowledgement.
+schema only; the rows with `random` weights do as it does. `dropped` episodes were ended by a fault, mostly a
+hand that pressed with more than 80 N; they are run again and count neither way. On robots a person would have
+acknowledged each.
 Hours are on the twin's clock, at the arms' full speed; beside them (paper's) the same skills at the paper's
 pace of {pace:g} s each (2,000 skills in 6 to 8 hours). The paper's real runs took 4 to 10 hours.
 
