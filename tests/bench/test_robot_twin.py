@@ -56,9 +56,7 @@ def test_both_ways_of_an_object_stand_side_by_side(place):
     assert other.split(" | ")[2:6] == ["simulation's", "0.001, 4 x 4", "200", "180"]
     assert other.endswith("| 80% | 100% |")  # 80 of the first 100, all of the last
     assert "water-bottle from random weights did not reach" in text
-    assert (
-        "| water-bottle | a run without the gate | 400 | 50.0% | 50% | 50% | 5% |" in text
-    )  # 300, 30 of 600
+    assert "| water-bottle | another run's | 400 | 50.0% | 50% | 50% | 5% |" in text  # 300, 30 of 600
 
 
 def test_the_policy_is_handed_to_the_learner(place):
