@@ -24,10 +24,10 @@ from taskschema.safety.sweep import Sweep
 from taskschema.tasks.registry import get_task
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
 from taskschema.tasks.task import StepResult
-from taskschema_learner.evaluation import newest_policy
 from taskschema_learner.learner import Learner
 from taskschema_learner.machine import machine
 from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.run_policies import newest_policy
 from taskschema_robot.agent.skill_step import StepPlanner
 from taskschema_robot.drivers.driver import ArmState, GripperState
 from taskschema_worker.rollout import collect_slots

@@ -14,10 +14,11 @@ from taskschema.policies import ActingPolicy, policy_of
 from taskschema.tasks.registry import task_of
 from taskschema.tasks.task import Task
 from taskschema.trajectory import Trajectory
-from taskschema_learner.evaluation import HELD_OUT, newest_policy
+from taskschema_learner.evaluation import HELD_OUT
 from taskschema_learner.learner import Learner
 from taskschema_learner.machine import machine
 from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.run_policies import newest_policy
 from taskschema_worker.environments import make_environment
 from taskschema_worker.rollout import collect_slots
 

@@ -89,12 +89,13 @@ def test_the_perturbed_expert_is_seeded_by_episode():
 
 def test_agreement_counts_outcomes_and_rates():
     parts = [
-        Agreement(np.array([True, False]), np.array([True, True])),
-        Agreement(np.array([True, False]), np.array([False, False])),
+        Agreement(np.array([True, False]), np.array([True, True]), np.array([True, True])),
+        Agreement(np.array([True, False]), np.array([False, False]), np.array([False, True])),
     ]
     whole = together(parts)
     assert whole.same_outcome == 50.0
     assert whole.rate_difference == 0.0
+    assert whole.same_in_references == 75.0
     assert parts[0].rate_difference == 50.0
     assert blocks(5, 2) == [range(0, 2), range(2, 4), range(4, 5)]
 

@@ -8,11 +8,12 @@ import pytest
 from taskschema.config import RunConfig
 from taskschema.errors import ConfigError, RunFolderError
 from taskschema.tasks.registry import get_task
-from taskschema_learner.evaluation import HELD_OUT, evaluate, held_out_episodes, newest_policy, wilson
+from taskschema_learner.evaluation import HELD_OUT, evaluate, held_out_episodes, wilson
 from taskschema_learner.export import write_trajectories
 from taskschema_learner.learner import Learner
 from taskschema_learner.recomputation import recompute
 from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.run_policies import newest_policy
 
 
 @pytest.fixture

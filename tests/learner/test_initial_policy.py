@@ -6,11 +6,11 @@ import pytest
 from taskschema.config import RunConfig
 from taskschema.errors import ConfigError, RunFolderError
 from taskschema.tasks import get_task
-from taskschema_learner.evaluation import initial_policy_of, newest_policy
 from taskschema_learner.initial_policy import policy_of_file, policy_of_run, require_fit
 from taskschema_learner.learner import Learner
 from taskschema_learner.recomputation import recompute
 from taskschema_learner.run_folder import INITIAL_POLICY, RunFolder
+from taskschema_learner.run_policies import initial_policy_of, newest_policy
 
 TOY = get_task("toy")
 SMALL = RunConfig(task="toy", policy="oracle", slots=4, seed=3)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from taskschema.bus.admission import DATA, HEADER, Admission, RefusedError
 from taskschema.bus.learner_bus import LearnerBus
-from taskschema.config import RunConfig
+from taskschema.config import PROTOCOL_VERSION, RunConfig
 from taskschema.errors import QuarantineLimitError
 from taskschema.tasks.toy import Toy
 from taskschema.trajectory import MAX_MESSAGE_BYTES, Trajectory, TrajectoryFormat, encode_slot
@@ -50,7 +50,7 @@ BAD_HEADERS = {
     "later round": ({"round": 3}, "wrong_round"),
     "unknown slot": ({"slot": 8}, "unknown_slot"),
     "foreign config": ({"config_hash": "0" * 64}, "foreign_config"),
-    "foreign protocol": ({"protocol": 2}, "foreign_protocol"),
+    "foreign protocol": ({"protocol": PROTOCOL_VERSION + 1}, "foreign_protocol"),
     "foreign policy": ({"policy_sha256": "0" * 64}, "foreign_policy"),
     "negative slot": ({"slot": -1}, "malformed"),
     "huge round": ({"round": 2**70}, "malformed"),

@@ -24,10 +24,10 @@ from taskschema.tasks.registry import task_of
 from taskschema_learner.api.process import ApiProcess
 from taskschema_learner.api.transport import Tls
 from taskschema_learner.embedded_redis import EmbeddedRedis
-from taskschema_learner.evaluation import initial_policy_of
 from taskschema_learner.learner import Learner
 from taskschema_learner.progress import Limits
 from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.run_policies import initial_policy_of
 from taskschema_learner.summaries import SummaryWriter
 from taskschema_learner.training import Parts, TrainingContext, TrainingObserver, TrainingStoppedError, train
 from taskschema_learner.worker_pool import WorkerPool

@@ -9,12 +9,12 @@ import msgspec
 import numpy as np
 
 from taskschema.arrays import AnyArray
-from taskschema.errors import RunFolderError, WireError
 from taskschema.policies import ActingPolicy, Actions, PolicySnapshot, policy_of
 from taskschema.tasks.registry import task_of
 from taskschema.tasks.task import BatchEnvironment
 from taskschema.trajectory import Trajectory
 from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.run_policies import newest_policy
 from taskschema_worker.environments import environment_of
 from taskschema_worker.rollout import collect_slots
 
@@ -84,44 +84,6 @@ def evaluate(folder: RunFolder, episodes: int) -> Evaluation:
         trajectories = held_out_episodes(folder, snapshot, episodes, mean=mean)
         rates.append(wilson(sum(item.success for item in trajectories), episodes))
     return Evaluation(folder.name, snapshot.version, *rates)
-
-
-def newest_policy(folder: RunFolder) -> PolicySnapshot:
-    """Return a run's newest policy.
-
-    Raises:
-        RunFolderError: if there is none yet, or it is damaged.
-
-    """
-    try:
-        return PolicySnapshot.from_bytes(folder.read_policy())
-    except WireError as error:
-        raise RunFolderError(
-            f"The policy in {folder.path} is damaged ({error}): continue the run with --resume to mend it."
-        ) from None
-
-
-def initial_policy_of(folder: RunFolder) -> PolicySnapshot | None:
-    """Return the policy that a run started from; None: it started from random weights.
-
-    Raises:
-        RunFolderError: if it is gone, or damaged.
-
-    """
-    data = folder.read_initial_policy()
-    try:
-        snapshot = None if data is None else PolicySnapshot.from_bytes(data)
-    except WireError as error:
-        raise RunFolderError(
-            f"The policy that the run in {folder.path} started from is damaged ({error}): "
-            "restore it from a backup."
-        ) from None
-    if snapshot is not None and snapshot.sha256 != folder.config.initial_policy:
-        raise RunFolderError(
-            f"The run in {folder.path} started from another policy than the one kept there: "
-            "restore it from a backup."
-        )
-    return snapshot
 
 
 def held_out_episodes(

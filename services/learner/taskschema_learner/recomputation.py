@@ -10,9 +10,9 @@ from taskschema.config import RunConfig
 from taskschema.policies import PolicySnapshot, policy_of
 from taskschema.tasks.registry import task_of
 from taskschema.trajectory import Trajectory
-from taskschema_learner.evaluation import newest_policy
 from taskschema_learner.learner import Learner
 from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.run_policies import newest_policy
 from taskschema_worker.environments import environment_of
 from taskschema_worker.rollout import collect_slots
 

@@ -14,9 +14,10 @@ from taskschema.randomness import EpisodeKey, Purpose, generator
 from taskschema.skills.pairs import ARMS
 from taskschema.tasks.registry import task_of
 from taskschema.tasks.task import Task
-from taskschema_learner.evaluation import HELD_OUT, newest_policy
+from taskschema_learner.evaluation import HELD_OUT
 from taskschema_learner.plots import new_figure, save_figure
 from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.run_policies import newest_policy
 from taskschema_worker.environments import environment_of
 
 EXAMPLES = 3

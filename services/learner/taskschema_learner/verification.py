@@ -5,9 +5,9 @@ from collections.abc import Callable
 import msgspec
 
 from taskschema.errors import RunFolderError
-from taskschema_learner.evaluation import initial_policy_of
 from taskschema_learner.recomputation import published_trunk, recompute
 from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.run_policies import initial_policy_of
 
 
 class Verification(msgspec.Struct, frozen=True):

@@ -95,13 +95,14 @@ def export(
 
     folder = find_run(run)
     if rounds is None:
-        from taskschema_learner.evaluation import held_out_episodes, newest_policy
+        from taskschema_learner.evaluation import held_out_episodes
+        from taskschema_learner.run_policies import newest_policy
 
         trajectories = held_out_episodes(folder, newest_policy(folder), episodes, mean=mean)
         source = "held-out episodes of the newest policy"
     else:
-        from taskschema_learner.evaluation import initial_policy_of
         from taskschema_learner.recomputation import published_trunk, recompute
+        from taskschema_learner.run_policies import initial_policy_of
 
         again = recompute(folder.config, rounds, published_trunk(folder), initial_policy_of(folder))
         trajectories = [item for each in again for item in each.trajectories]

@@ -8,10 +8,11 @@ import numpy as np
 
 from taskschema.metrics import RoundMetrics
 from taskschema.tasks.registry import task_of
-from taskschema_learner.evaluation import SuccessRate, held_out_episodes, newest_policy, wilson
+from taskschema_learner.evaluation import SuccessRate, held_out_episodes, wilson
 from taskschema_learner.experiment.cell import Cell, CellResult, CellState
 from taskschema_learner.plots import TARGET
 from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.run_policies import newest_policy
 from taskschema_learner.schema_report import compare
 
 CURVE_ROWS = 300
