@@ -39,13 +39,19 @@ def main() -> int:
         try:
             line = check(stack)
         except (AssertionError, RuntimeError, TimeoutError, OSError) as error:
-            print(stack.compose("logs", "--no-color", "--tail", "40")[-12000:], file=sys.stderr)
+            print(what_was_said(stack), file=sys.stderr)
             print(f"compose-test: FAILED: {type(error).__name__}: {error}")
             return 1
         finally:
             stack.clean()
     print(f"compose-test: passed in {(time.monotonic() - started) / 60:.1f} min: {line}")
     return 0
+
+
+def what_was_said(stack: Stack) -> str:
+    """Return the end of all logs, without the lines of rounds: they would push out why a service ended."""
+    lines = stack.compose(*PROFILES, "logs", "--no-color").splitlines()
+    return "\n".join([line for line in lines if "| round " not in line][-400:])
 
 
 def check(stack: Stack) -> str:
