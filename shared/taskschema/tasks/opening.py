@@ -29,7 +29,7 @@ FOOT_FRICTION = 0.25
 FRICTION_STIFFNESS = 10
 """Of friction against normal force, in contacts: at 1 a round cap creeps out of round fingers in a second."""
 TIMESTEP = 0.004
-"""[s] with 8 ms, one in fifteen of the perturbed expert's episodes ends otherwise than with 1 ms."""
+"""[s] with 8 ms too many of a perturbed expert's episodes end otherwise, see `bench.fidelity_causes`."""
 HINGE_FRICTION = 0.06
 """Torque that the cap's thread resists with [Nm]: several times what the foot's friction holds."""
 EXPERT_APPROACH = 0.7
