@@ -55,3 +55,12 @@ def test_a_cluster_beyond_this_machine_without_a_token_is_refused(address, monke
     with pytest.raises(RayError, match=f"asks for no token.*{AUTH_MODE}=token") as caught:
         RayRuntime(address).start()
     assert "\n" not in str(caught.value)
+
+
+def test_what_ray_prints_while_it_shuts_down_stays_off_standard_error(monkeypatch, capfd) -> None:
+    import ray
+
+    monkeypatch.setattr(ray, "shutdown", lambda: os.write(2, b"task_manager.cc:1545: Failed to push error\n"))
+    RayRuntime().stop()
+    print("a line after it", file=sys.stderr)
+    assert capfd.readouterr().err == "a line after it\n"

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -63,10 +64,13 @@ def collected(server: RoleRedis, folder: Path) -> dict[str, str]:
             stderr=output,
         )
         try:
-            url = wait_for_rounds(training, folder / "output")
+            url = wait_for_rounds(training, folder / "output", 3)
             processes = [psutil.Process(training.pid), *psutil.Process(training.pid).children(recursive=True)]
-            seen["process list"] = "\n".join(" ".join(process.cmdline()) for process in processes)
-            assert "RolloutActor" in seen["process list"]
+            commands = {process.pid: " ".join(process.cmdline()) for process in processes}
+            seen["process list"] = "\n".join(commands.values())
+            (actor,) = [pid for pid, command in commands.items() if "RolloutActor" in command]
+            os.kill(actor, signal.SIGKILL)  # Ray must not talk of it amid the JSON
+            wait_for_rounds(training, folder / "output", 100)
             bearer = {"Authorization": f"Bearer {API_SECRETS['TASKSCHEMA_API_READ_TOKEN']}"}
             for path in PATHS:
                 answer = httpx.get(url + path, headers=bearer)
@@ -82,15 +86,15 @@ def collected(server: RoleRedis, folder: Path) -> dict[str, str]:
     return seen
 
 
-def wait_for_rounds(training: subprocess.Popen[bytes], output: Path) -> str:
-    """Wait for some rounds and return the API's address."""
+def wait_for_rounds(training: subprocess.Popen[bytes], output: Path, rounds: int) -> str:
+    """Wait until so many rounds are done and return the API's address."""
     from bus_setup import wait_until
 
-    def rounds() -> bool:
+    def are_done() -> bool:
         assert training.poll() is None, output.read_text()
-        return output.read_text().count('"message":"Round done"') >= 3
+        return output.read_text().count('"message":"Round done"') >= rounds
 
-    wait_until(rounds, seconds=120)
+    wait_until(are_done, seconds=120)
     match = re.search(r'"api":"(http[^"]+)"', output.read_text())
     assert match is not None
     return match[1]

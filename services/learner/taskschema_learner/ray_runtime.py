@@ -7,6 +7,7 @@ import secrets
 import shutil
 import signal
 import socket
+import sys
 import tempfile
 import threading
 from collections.abc import Iterator, Sequence
@@ -37,8 +38,9 @@ AUTH_MODE = "RAY_AUTH_MODE"
 AUTH_TOKEN = "RAY_AUTH_TOKEN"
 """Environment variables by which Ray's servers ask for a secret, and its clients send it."""
 QUIET_SETTINGS = {
-    # Ray prints a warning for every four actors that share a core, as ours are meant to.
-    "RAY_DEDUP_LOGS_SKIP_REGEX": "worker processes have been started on node",
+    # Nothing of what Ray prints here on its own: lines of ours may have to be JSON. Its log files keep it, and
+    # the pool says what becomes of the actors.
+    "RAY_DEDUP_LOGS_SKIP_REGEX": ".",
     "RAY_USAGE_STATS_ENABLED": "0",
 }
 """Environment of this process; Ray reads these when it is first imported."""
@@ -130,7 +132,7 @@ class RayRuntime:
         """Stop or leave Ray; what was started here is gone then."""
         import ray
 
-        with _signal_handlers_kept():
+        with _signal_handlers_kept(), _native_errors_dropped():
             ray.shutdown()
         if self._reaper is not None:
             self._reaper.reap()
@@ -287,6 +289,24 @@ def _is_loopback(host: str) -> bool:
 
 def _child_processes() -> set[int]:
     return {child.pid for child in psutil.Process().children(recursive=True)}
+
+
+@contextmanager
+def _native_errors_dropped() -> Iterator[None]:
+    """Keep what C++ prints off standard error, where each line may have to be JSON.
+
+    While Ray shuts down it complains there of calls that were still running, as those of busy actors are.
+    """
+    sys.stderr.flush()
+    terminal = os.dup(2)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(terminal, 2)
+        os.close(terminal)
+        os.close(nowhere)
 
 
 @contextmanager
