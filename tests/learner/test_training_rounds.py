@@ -1,8 +1,11 @@
 """When rounds open: workers run the next one while the world is told of the last."""
 
+import threading
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from bus_setup import wait_until
 
 from taskschema.bus.connection import connect
 from taskschema.bus.records import RunRecords
@@ -68,3 +71,29 @@ def test_no_round_opens_while_the_run_is_to_pause(options):
     watcher.pause_in = 1
     assert run_training(options, watcher)
     assert watcher.announced == [(0, 1, 1), (1, 1, 2), (2, 2, 3)]
+
+
+def test_the_next_learner_obeys_the_stop_of_a_dead_one(options):
+    watcher = Watcher(options.redis, options.run_dir.name)
+    assert run_training(replace(options, limits=Limits(None, 1)), watcher)
+    watcher.records.set_state(watcher.run, "failed")
+    watcher.records.request(watcher.run, "stop")
+    resumed = replace(options, resume=True)
+    assert not run_training(resumed, watcher)
+    assert watcher.records.status(watcher.run).state == "stopped"
+    assert [announced[0] for announced in watcher.announced] == [0]
+    assert run_training(resumed, watcher)
+    assert [announced[0] for announced in watcher.announced] == [0, 1, 2]
+
+
+def test_a_paused_run_stays_paused_when_resumed(options):
+    watcher = Watcher(options.redis, options.run_dir.name)
+    assert run_training(replace(options, limits=Limits(None, 1)), watcher)
+    watcher.records.request(watcher.run, "pause")
+    training = threading.Thread(target=run_training, args=(replace(options, resume=True), watcher))
+    training.start()
+    wait_until(lambda: watcher.records.status(watcher.run).state == "paused")
+    watcher.records.request(watcher.run, "resume")
+    training.join()
+    assert watcher.finished
+    assert [announced[0] for announced in watcher.announced] == [0, 1, 2]

@@ -86,7 +86,7 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
         url = options.redis or stack.enter_context(EmbeddedRedis(folder.path / "redis")).url
         records = RunRecords(connect(url))
         records.register_run(folder.name, folder.config)
-        records.clear_requests(folder.name)
+        _forget_obeyed_stop(records, folder.name)
         api_url = url if options.redis is None else os.environ.get(API_REDIS_VARIABLE, url)
         api = None
         if options.api is not None:
@@ -97,7 +97,8 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
         learner = Learner(folder.config, task, options.device, options.trunk, initial)
         bus = LearnerBus(connect(url), folder.name, folder.config)
         bus.acquire()
-        tend_workers, workers = _start_workers(stack, options, url, folder.name)
+        crew = stack.enter_context(ExitStack())
+        tend_workers, workers = _start_workers(crew, options, url, folder.name)
         parts = Parts(
             task=task,
             folder=folder,
@@ -118,12 +119,21 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
             api_url=api.url if api else None,
             api_token=api.token if api and api.token_is_generated else None,
         )
-        return _train_to_the_end(parts, options.limits, context, stop)
+        return _train_to_the_end(parts, options.limits, context, stop, crew)
 
 
-def _train_to_the_end(parts: Parts, limits: Limits, context: TrainingContext, stop: threading.Event) -> bool:
+def _forget_obeyed_stop(records: RunRecords, run: str) -> None:
+    """Let a run that ended go on. A request that nobody has obeyed yet stands: its learner may have died."""
+    if records.stop_requested(run) and records.status(run).state in ("stopped", "finished"):
+        records.clear_requests(run)
+
+
+def _train_to_the_end(
+    parts: Parts, limits: Limits, context: TrainingContext, stop: threading.Event, crew: ExitStack
+) -> bool:
     try:
-        reason = train(parts, limits, context, stop)
+        with crew:  # workers that cannot be stopped are a failure, not an end
+            reason = train(parts, limits, context, stop)
     except TrainingStoppedError:
         parts.bus.set_state("stopped")
         parts.observer.on_finish("it was asked to stop", finished=False)

@@ -1,5 +1,6 @@
 """The training loop: collect a round, learn from it, make it durable, tell the world (design, section 4)."""
 
+import logging
 import threading
 import time
 from collections.abc import Callable
@@ -23,6 +24,8 @@ from taskschema_learner.progress import Limits, Progress
 from taskschema_learner.run_folder import RunFolder
 from taskschema_learner.run_state import restore_run, save_run
 from taskschema_learner.summaries import SummaryWriter
+
+log = logging.getLogger("taskschema.learner")
 
 
 @dataclass(frozen=True)
@@ -158,6 +161,7 @@ def wait_while_paused(parts: Parts, stop: threading.Event) -> None:
     if not records.pause_requested(run):
         return
     parts.bus.set_state("paused")
+    log.warning("Paused: POST /runs/%s/resume goes on.", run)
     while records.pause_requested(run):
         if stop.wait(0.25) or records.stop_requested(run):
             raise TrainingStoppedError

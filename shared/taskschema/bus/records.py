@@ -222,7 +222,7 @@ class RunRecords:
 
     @bus_errors()
     def clear_requests(self, run: str) -> None:
-        """Forget what was asked."""
+        """Forget what was asked, as it was obeyed."""
         self._client.delete(RunKeys(run).request)
 
     # Workers and quarantine
