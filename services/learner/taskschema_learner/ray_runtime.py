@@ -38,8 +38,8 @@ AUTH_MODE = "RAY_AUTH_MODE"
 AUTH_TOKEN = "RAY_AUTH_TOKEN"
 """Environment variables by which Ray's servers ask for a secret, and its clients send it."""
 QUIET_SETTINGS = {
-    # Nothing of what Ray prints here on its own: lines of ours may have to be JSON. Its log files keep it, and
-    # the pool says what becomes of the actors.
+    # Nothing of what Ray prints here on its own: lines of ours may have to be JSON. Its log files keep it,
+    # and the pool says what becomes of the actors.
     "RAY_DEDUP_LOGS_SKIP_REGEX": ".",
     "RAY_USAGE_STATS_ENABLED": "0",
 }

@@ -1,12 +1,15 @@
 """Environments of any task."""
 
 import os
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 from taskschema.config import ObservationKind, RunConfig
 from taskschema.errors import ConfigError
-from taskschema.tasks.scene_task import SceneTask
+from taskschema.tasks.scene_task import SceneTask, with_arms
 from taskschema.tasks.task import BatchEnvironment, SeenEnvironment, Task
+
+if TYPE_CHECKING:
+    from taskschema_worker.plan_gate import PlanGate
 
 
 def make_environment(
@@ -31,14 +34,13 @@ def make_environment(
             if the task has no arms.
         RenderingError: for `image`, if nothing on this machine can draw.
     """
+    gate = _gate_of(task) if safety_gate else None
     if observation == "image":
-        return _image_environment(task, threads, randomise_visuals, safety_gate)
+        return _image_environment(task, threads, randomise_visuals, gate)
     if isinstance(task, SceneTask):
-        from taskschema_worker.plan_gate import PlanGate
         from taskschema_worker.scene_environment import SceneEnvironment
 
-        return SceneEnvironment(task, threads, gate=PlanGate(task) if safety_gate else None)
-    _require_no_gate(task, safety_gate)
+        return SceneEnvironment(task, threads, gate=gate)
     return task.make_environment(threads)
 
 
@@ -62,24 +64,22 @@ def environment_of(config: RunConfig, task: Task, threads: int = 1) -> BatchEnvi
     )
 
 
-def _require_no_gate(task: Task, safety_gate: bool) -> None:
-    if safety_gate:
-        raise ConfigError(f"Task {task.name!r} has no arms that a gate could stop: leave --safety-gate out.")
+def _gate_of(task: Task) -> "PlanGate":
+    from taskschema_worker.plan_gate import PlanGate
+
+    return PlanGate(with_arms(task))
 
 
 def _image_environment(
-    task: Task, threads: int, randomise_visuals: bool, safety_gate: bool
+    task: Task, threads: int, randomise_visuals: bool, gate: "PlanGate | None"
 ) -> BatchEnvironment:
     from taskschema_worker.image_environment import ImageEnvironment
 
     if isinstance(task, SceneTask):
-        from taskschema_worker.plan_gate import PlanGate
         from taskschema_worker.seen_scene_environment import SeenSceneEnvironment
 
-        gate = PlanGate(task) if safety_gate else None
         seen = SeenSceneEnvironment(task, threads, randomise_visuals=randomise_visuals, gate=gate)
         return ImageEnvironment(task, seen)
-    _require_no_gate(task, safety_gate)
     if randomise_visuals:
         raise ConfigError(f"Task {task.name!r} has no scene, so --randomise-visuals cannot vary its looks.")
     environment = task.make_environment(threads)

@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from taskschema.arrays import AnyArray, BoolArray, FloatArray
+from taskschema.errors import ConfigError
 from taskschema.kinematics.inverse import solve_inverse
 from taskschema.kinematics.rotation import vertical_turn
 from taskschema.kinematics.sawyer import sawyer_pair
@@ -129,3 +130,14 @@ class SceneTask(Task):
     def observation(self) -> ObservationLayout:
         """The paper's low-dimensional state; see `scene_layout`."""
         return scene_layout(self.geometry)
+
+
+def with_arms(task: Task) -> SceneTask:
+    """Return a task that has arms, which a gate can stop.
+
+    Raises:
+        ConfigError: if it has none.
+    """
+    if isinstance(task, SceneTask):
+        return task
+    raise ConfigError(f"Task {task.name!r} has no arms that a gate could stop: leave --safety-gate out.")

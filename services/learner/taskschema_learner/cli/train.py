@@ -212,16 +212,13 @@ def _require_useful_gate(config: "RunConfig", agent: str) -> None:
     """
     from taskschema.errors import ConfigError
     from taskschema.tasks.registry import task_of
-    from taskschema.tasks.scene_task import SceneTask
+    from taskschema.tasks.scene_task import with_arms
 
     if not config.safety_gate:
         return
     if agent == "robot":
         raise ConfigError("A robot's own gate checks every motion: --safety-gate is for simulation alone.")
-    if not isinstance(task_of(config), SceneTask):
-        raise ConfigError(
-            f"Task {config.task!r} has no arms that a gate could stop: leave --safety-gate out."
-        )
+    with_arms(task_of(config))
 
 
 def _run(options: "TrainOptions", log_kind: str) -> None:
