@@ -1,4 +1,4 @@
-"""How rare a success is among random arguments: `python -m bench.image_search TASK...`.
+"""How rare a success is among random arguments: `python -m bench.first_success TASK...`.
 
 Under the paper's schema, with the arguments that policies on states and on images choose from: uniform over
 the search spaces, as an audit draws them, and spread as a policy that has learned nothing yet draws them.
