@@ -37,6 +37,11 @@ def test_containers_can_do_as_little_as_possible(service):
     assert settings.get("healthcheck") or service == "tools"
 
 
+def test_a_crowd_of_workers_on_one_machine_starves_nothing_that_they_wait_for():
+    heavier = {name for name, each in services().items() if each.get("cpu_shares", 1024) > 1024}
+    assert heavier == {"redis", "head", "learner", "api", "robot-learner", "robot"}
+
+
 def test_only_api_and_grafana_are_published_and_on_loopback():
     published = {name: each["ports"] for name, each in services().items() if "ports" in each}
     assert published == {
