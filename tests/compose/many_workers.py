@@ -1,8 +1,8 @@
 """`python -m tests.compose.many_workers 50`: so many worker containers on one machine.
 
-Builds, runs `up --scale worker=N` from nothing, waits until N workers live and rounds pass, measures what the
-containers hold, and compares the run's hash with that of the same run embedded. It leaves nothing behind, and
-needs some 0.35 GiB of memory a worker.
+Builds, brings the stack up with one worker, scales to N, waits until N workers live and rounds pass, measures
+what the containers hold, and compares the run's hash with that of the same run embedded. It leaves nothing
+behind, and needs some 0.35 GiB of memory a worker.
 """
 
 import argparse
@@ -43,11 +43,12 @@ def main() -> int:
 def measure(stack: Stack, workers: int) -> str:
     """Run so many workers and return what was measured, on one line."""
     stack.compose(*PROFILES, "build")
+    stack.compose("up", "-d", "--no-build", "--scale", "worker=1")
+    stack.wait(lambda: stack.version() >= 0, f"run {RUN}")
+    stack.post(f"/runs/{RUN}/pause")  # or the first workers make more rounds than can be compared
     started = time.monotonic()
     stack.compose("up", "-d", "--no-build", "--scale", f"worker={workers}")
     created = time.monotonic() - started
-    stack.wait(lambda: stack.version() >= 0, f"run {RUN}")
-    stack.post(f"/runs/{RUN}/pause")  # or the first workers make more rounds than can be compared
     join(stack, workers, started)
     joined = time.monotonic() - started
     stack.post(f"/runs/{RUN}/resume")
@@ -62,7 +63,7 @@ def measure(stack: Stack, workers: int) -> str:
     if here != there:
         raise AssertionError(f"the run's hash after {rounds} rounds is {here}, embedded it is {there}")
     return (
-        f"{workers} workers joined {joined:.0f} s after `up` (its containers were made in {created:.0f} s); "
+        f"1 -> {workers} workers in {joined:.0f} s (their containers were made in {created:.0f} s); "
         f"a worker container holds {each[0] / 2**20:.0f} to {each[-1] / 2**20:.0f} MiB, "
         f"the head {head / 2**20:.0f}, all together "
         f"{sum(held.values()) / 2**30:.1f} GiB; {a_round:.1f} s a round; "
