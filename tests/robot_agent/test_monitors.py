@@ -6,6 +6,7 @@ import threading
 import time
 import urllib.error
 import urllib.request
+from contextlib import contextmanager, suppress
 
 import numpy as np
 import pytest
@@ -89,19 +90,41 @@ def test_the_stop_endpoint():
     assert len(reasons) == 1
 
 
-def test_keys_of_a_real_terminal():
+@contextmanager
+def keyboard_of_a_terminal(on_stop):
+    """A keyboard on a real terminal, and the end that a person types at."""
     leader, follower = pty.openpty()
-    stopped, pressed = threading.Event(), []
-    with (
-        os.fdopen(follower, "r", buffering=1) as stream,
-        Keyboard(stopped.set, lambda: pressed.append(time.monotonic()), stream) as keyboard,
-    ):
+    try:
+        with os.fdopen(follower, "r", buffering=1) as stream, Keyboard(on_stop, stream=stream) as keyboard:
+            yield leader, keyboard
+    finally:
+        with suppress(OSError):
+            os.close(leader)
+
+
+def test_keys_of_a_real_terminal():
+    stopped, keys = threading.Event(), []
+    with keyboard_of_a_terminal(stopped.set) as (leader, keyboard):
         os.write(leader, b"p")
-        wait_until(lambda: len(pressed) >= 1)
+        wait_until(lambda: keys.append(keyboard.take()) or keys[-1])
         began = time.monotonic()
         os.write(leader, b" ")
         assert stopped.wait(5.0)
         assert time.monotonic() - began < 1.0
-        assert keyboard.take() == "p"
+        assert keys[-1] == "p"
         assert keyboard.take() is None
-    os.close(leader)
+
+
+@pytest.mark.parametrize("typed", [b"x ", b"xs", b"S", b"\x1b[A ", "ä ".encode()])
+def test_the_stop_key_stops_whatever_was_typed_with_it(typed):
+    stopped = threading.Event()
+    with keyboard_of_a_terminal(stopped.set) as (leader, _):
+        os.write(leader, typed)
+        assert stopped.wait(5.0)
+
+
+def test_a_terminal_that_is_gone_stops_the_arms():
+    stopped = threading.Event()
+    with keyboard_of_a_terminal(stopped.set) as (leader, _):
+        os.close(leader)
+        assert stopped.wait(5.0)
