@@ -1,4 +1,4 @@
-"""Watchdogs beside the arms: camera, Redis and learner, a held key; and the stop endpoint and keys."""
+"""Watchdogs beside the arms: camera, Redis and learner; the stop endpoint and keys."""
 
 import os
 import pty
@@ -21,7 +21,7 @@ from taskschema_robot.agent.stop_endpoint import StopEndpoint
 from taskschema_robot.camera.camera import Frame
 from taskschema_robot.errors import CameraError
 from taskschema_robot.safety.fault import FaultKind
-from taskschema_robot.safety.monitors import CameraMonitor, HoldToRun, LinkMonitor
+from taskschema_robot.safety.monitors import CameraMonitor, LinkMonitor
 
 
 class StillCamera:
@@ -65,17 +65,6 @@ def test_a_redis_that_is_silent_is_noticed_and_a_learner_that_failed(tmp_path):
             wait_until(lambda: monitor.fault(0.0) is None)
         now[0] = 11.0  # the looking has ended: silence
         assert monitor.fault(0.0).kind is FaultKind.LINK
-
-
-def test_hold_to_run():
-    now = [0.0]
-    held = HoldToRun(lambda: now[0], longest=0.7)
-    assert held.fault(0.0).kind is FaultKind.REQUESTED
-    held.pressed()
-    now[0] = 0.6
-    assert held.fault(0.0) is None
-    now[0] = 0.8
-    assert held.fault(0.0) is not None
 
 
 def test_the_stop_endpoint():

@@ -7,6 +7,7 @@ import select
 import sys
 import termios
 import threading
+import time
 import tty
 from collections.abc import Callable, Iterator
 from typing import TextIO
@@ -16,6 +17,10 @@ LOOK_SECONDS = 0.05
 """Longest time until a key is seen [s]."""
 MOST_BYTES = 1024
 """Read at once; every one of them is looked at."""
+RELEASE_SECONDS = 0.3
+"""Without a key, after which one that was held is taken for released [s]."""
+RELEASE_PATIENCE = 5.0
+"""How long a question waits for that [s]."""
 
 
 class Keyboard:
@@ -26,7 +31,7 @@ class Keyboard:
     Args:
         on_stop: called at once, in the reading thread, for a stop key, and when the terminal is gone: nobody
             could stop the arms there any more.
-        on_key: called for every other key, a held one's repeats among them.
+        on_key: told of every other key, a held one's repeats among them; returns whether it was meant for it.
         stream: a terminal.
 
     """
@@ -34,7 +39,7 @@ class Keyboard:
     def __init__(
         self,
         on_stop: Callable[[], None],
-        on_key: Callable[[], None] = lambda: None,
+        on_key: Callable[[str], bool] = lambda key: False,
         stream: TextIO = sys.stdin,
     ) -> None:
         self._on_stop = on_stop
@@ -44,6 +49,7 @@ class Keyboard:
         self._stop = threading.Event()
         self._asking = threading.Event()
         self._turn = threading.Lock()
+        self._last_key = -float("inf")
         self._thread = threading.Thread(target=self._read, name="keyboard", daemon=True)
 
     def __enter__(self) -> "Keyboard":
@@ -65,7 +71,13 @@ class Keyboard:
         return None
 
     def ask(self, question: str) -> str:
-        """Ask for a line, typed and edited as usual; nothing moves meanwhile."""
+        """Ask for a line, typed and edited as usual; nothing moves meanwhile.
+
+        A key that is still held down from a motion is no part of the answer: it is waited for.
+        """
+        deadline = time.monotonic() + RELEASE_PATIENCE
+        while time.monotonic() < min(self._last_key + RELEASE_SECONDS, deadline):
+            time.sleep(LOOK_SECONDS)
         with self._line_mode():
             return input(question)
 
@@ -73,7 +85,7 @@ class Keyboard:
     def _line_mode(self) -> Iterator[None]:
         with self._turn:
             self._asking.set()
-            termios.tcsetattr(self._stream, termios.TCSADRAIN, self._before)
+            termios.tcsetattr(self._stream, termios.TCSAFLUSH, self._before)
         try:
             yield
         finally:
@@ -94,6 +106,7 @@ class Keyboard:
             if not keys:
                 self._on_stop()
                 return
+            self._last_key = time.monotonic()
             for key in keys:
                 self._look_at(key)
 
@@ -110,6 +123,5 @@ class Keyboard:
     def _look_at(self, key: str) -> None:
         if key in STOP_KEYS:
             self._on_stop()
-            return
-        self._on_key()
-        self._keys.put(key)
+        elif not self._on_key(key):
+            self._keys.put(key)

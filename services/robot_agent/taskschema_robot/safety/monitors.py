@@ -1,4 +1,4 @@
-"""What has to be well beside the arms while they move: the camera, Redis and the run, a person's key."""
+"""What has to be well beside the arms while they move: the camera, Redis and the run."""
 
 import threading
 import time
@@ -85,29 +85,4 @@ class LinkMonitor:
             return Fault(FaultKind.LINK, f"Redis has been silent for {silence:.0f} s", now)
         if self._ended:
             return Fault(FaultKind.LINK, f"the learner has failed: {self._ended}", now)
-        return None
-
-
-class HoldToRun:
-    """A key that a person holds down while the arms may move; see `Monitor`.
-
-    Args:
-        monotonic: the clock that key presses are timed by.
-        longest: between two repeats of a held key [s]: terminals wait half a second before the first.
-
-    """
-
-    def __init__(self, monotonic: Callable[[], float] = time.monotonic, longest: float = 0.7) -> None:
-        self._monotonic = monotonic
-        self._longest = longest
-        self._last = -float("inf")
-
-    def pressed(self) -> None:
-        """Note that the key was pressed, or repeated."""
-        self._last = self._monotonic()
-
-    def fault(self, now: float) -> Fault | None:
-        """Return a fault if the key is not held."""
-        if self._monotonic() - self._last > self._longest:
-            return Fault(FaultKind.REQUESTED, "the hold-to-run key is not held", now)
         return None
