@@ -12,9 +12,11 @@ from twin_setup import LockStep
 from taskschema.kinematics.sawyer import rethink_gripper
 from taskschema.safety.limits import SafetyLimits
 from taskschema.safety.motion import Motion
+from taskschema_robot.errors import NotConnectedError
 from taskschema_robot.safety.fault import FaultError
 from taskschema_robot.safety.gate import SafetyGate
 from taskschema_robot.safety.homing import return_home
+from taskschema_robot.sawyer_interface import COLLISION_STATE, ENDPOINT_STATE
 from taskschema_robot.twin.faults import FaultKind
 
 STOP_SECONDS = 0.2
@@ -112,6 +114,26 @@ def test_both_arms_stop_within_200_ms(bench, kind):
     speed = [np.abs(robot.control.velocity).max() for robot in bench.twin.running.twin.robots]
     alive = speed[:1] if kind is FaultKind.DROP_CONNECTION else speed
     assert max(alive) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("kind", "topic", "longest"),
+    [
+        (FaultKind.SILENCE_WRENCH, ENDPOINT_STATE, STOP_SECONDS),
+        (FaultKind.SILENCE_COLLISION, COLLISION_STATE, 0.7),
+    ],
+)
+def test_a_silent_topic_stops_both_arms_and_no_arm_begins_with_one(bench, kind, topic, longest):
+    begin = bench.twin.clock.now()
+    at = stop_time(bench, kind, 1)
+    assert at - (begin + 0.3) <= longest
+    assert topic in bench.gate.fault.reason
+    bench.twin.arms[1].close()
+    with pytest.raises(NotConnectedError, match=f"nothing comes from {topic}:"):
+        bench.gate.acknowledge("tester")
+    bench.twin.client.inject(kind, 1, active=False)
+    bench.gate.acknowledge("tester")
+    return_home(bench.gate, HOME, OPEN, period=PERIOD, speed_ratio=0.5, recovering=True)
 
 
 def test_a_skewed_clock_stops_nothing(bench):
