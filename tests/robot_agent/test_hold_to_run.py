@@ -15,6 +15,7 @@ from bus_setup import Run, gather
 from motions import straight
 from recording_arms import HOME, TestBench
 
+from taskschema.bus.learner_life import LearnerLife
 from taskschema.kinematics.sawyer import rethink_gripper
 from taskschema.safety.limits import SafetyLimits
 from taskschema.safety.motion import Motion
@@ -208,7 +209,8 @@ def test_preview_and_hold_to_run_together_at_a_terminal(shared_redis, tmp_path):
         command += ["--folder", str(tmp_path), "--stop-port", "0", "--rate", "50", "--speed-ratio", "1.0"]
         person = PersonAtTerminal([*command, "--preview", "--hold-to-run"])
         try:
-            results = gather(learner, 1, seconds=600.0)
+            with LearnerLife(learner):
+                results = gather(learner, 1, seconds=600.0)
         except AssertionError:
             raise AssertionError(person.text[-3000:]) from None
         finally:

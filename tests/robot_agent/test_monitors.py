@@ -2,6 +2,8 @@
 
 import os
 import pty
+import subprocess
+import sys
 import threading
 import time
 import urllib.error
@@ -15,6 +17,7 @@ from bus_setup import Run, wait_until
 
 from taskschema.bus.connection import connect
 from taskschema.bus.records import RunRecords
+from taskschema.errors import StaleTokenError
 from taskschema_learner.embedded_redis import EmbeddedRedis
 from taskschema_robot.agent.keyboard import Keyboard
 from taskschema_robot.agent.stop_endpoint import StopEndpoint
@@ -65,6 +68,60 @@ def test_a_redis_that_is_silent_is_noticed_and_a_learner_that_failed(tmp_path):
             wait_until(lambda: monitor.fault(0.0) is None)
         now[0] = 11.0  # the looking has ended: silence
         assert monitor.fault(0.0).kind is FaultKind.LINK
+        assert "Redis has been silent" in monitor.fault(0.0).reason
+
+
+def test_signs_of_life_are_what_counts(run):
+    now, bus = [0.0], run.learner()
+    bus.set_state("running")
+    monitor = LinkMonitor(RunRecords(connect(run.url)), run.name, 10.0, lambda: now[0])
+    for _ in range(4):
+        now[0] += 6.0
+        bus.beat()
+        monitor._look()
+        assert monitor.fault(0.0) is None
+    now[0] += 11.0
+    monitor._look()
+    assert "the learner has given no sign of life for 11 s" in monitor.fault(0.0).reason
+    run.learner()  # a newer one takes over
+    with pytest.raises(StaleTokenError):
+        bus.beat()
+    monitor._look()
+    assert monitor.fault(0.0) is not None
+    run.records.set_state(run.name, "stopped")  # in order: what it asked for stands
+    monitor._look()
+    assert monitor.fault(0.0) is None
+
+
+def test_a_killed_learner_is_noticed(shared_redis, tmp_path):
+    command = [
+        sys.executable,
+        "-m",
+        "taskschema_learner",
+        "train",
+        "toy",
+        "--agent",
+        "robot",
+        "--api",
+        "none",
+    ]
+    command += ["--run-dir", str(tmp_path / "killed-learner"), "--redis", shared_redis.url]
+    records = RunRecords(connect(shared_redis.url, patience=0.1))
+    learner = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    try:
+        wait_until(lambda: records.status("killed-learner").state == "running", 300.0)
+        with LinkMonitor(records, "killed-learner", 10.0) as monitor:
+            first = records.status("killed-learner").alive_at
+            wait_until(lambda: records.status("killed-learner").alive_at > first, 60.0)
+            assert monitor.fault(0.0) is None
+            learner.kill()
+            learner.wait()
+            assert records.status("killed-learner").state == "running"
+            wait_until(lambda: monitor.fault(0.0) is not None, 60.0)
+            assert "no sign of life" in monitor.fault(0.0).reason
+    finally:
+        learner.kill()
+        learner.wait()
 
 
 def test_the_stop_endpoint():

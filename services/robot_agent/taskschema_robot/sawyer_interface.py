@@ -36,8 +36,8 @@ LONGEST_SILENCE = {
     ROBOT_STATE: 0.5,
     GRIPPER_STATE: 2.0,
 }
-"""After which a topic has ceased [s]: some five of its messages, as the twin sends them. How often real robots
-send all but the first is to be confirmed on hardware."""
+"""After which a topic has ceased [s]: some five of its messages, as the twin sends them. How often real
+robots send all but the first is to be confirmed on hardware."""
 
 TYPES = {
     JOINT_STATES: "sensor_msgs/JointState",

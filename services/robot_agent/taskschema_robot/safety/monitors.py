@@ -1,5 +1,6 @@
 """What has to be well beside the arms while they move: the camera, Redis and the run."""
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable
@@ -12,6 +13,8 @@ from taskschema_robot.safety.fault import Fault, FaultKind
 
 LOOK_SECONDS = 1.0
 """Between two looks at Redis [s]."""
+ENDED = ("finished", "stopped")
+"""What a learner says that ended in order."""
 
 
 class CameraMonitor:
@@ -38,7 +41,10 @@ class CameraMonitor:
 
 
 class LinkMonitor:
-    """Redis must answer, and the run must be going on; looks from a thread of its own. A context manager.
+    """Redis must answer, and the learner must live; looks from a thread of its own. A context manager.
+
+    A learner that is killed, stopped or cut off says nothing of it: its signs of life cease
+    (`LearnerLife`). One that ended in order is not missed: what it asked for stands.
 
     Args:
         records: of the run's Redis, with little patience.
@@ -55,10 +61,11 @@ class LinkMonitor:
         self._run = run
         self._longest = longest
         self._monotonic = monotonic
-        self._last = monotonic()
+        self._last = self._last_beat = monotonic()
+        self._beat: str | None = None
         self._ended = ""
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._look, name="link-monitor", daemon=True)
+        self._thread = threading.Thread(target=self._watch, name="link-monitor", daemon=True)
 
     def __enter__(self) -> "LinkMonitor":
         self._thread.start()
@@ -68,21 +75,28 @@ class LinkMonitor:
         self._stop.set()
         self._thread.join(2.0 * LOOK_SECONDS)
 
-    def _look(self) -> None:
+    def _watch(self) -> None:
         while not self._stop.is_set():
-            try:
-                status = self._records.status(self._run)
-                self._ended = status.message or "failed" if status.state == "failed" else ""
-                self._last = self._monotonic()
-            except BusError:
-                pass  # the silence itself is what counts
+            with contextlib.suppress(BusError):  # the silence itself is what counts
+                self._look()
             self._stop.wait(LOOK_SECONDS)
 
+    def _look(self) -> None:
+        status = self._records.status(self._run)
+        self._ended = status.message or "failed" if status.state == "failed" else ""
+        self._last = self._monotonic()
+        # Its clock may differ from ours: that a beat is new is all that is looked at.
+        if status.alive_at != self._beat or status.state in ENDED:
+            self._beat, self._last_beat = status.alive_at, self._last
+
     def fault(self, now: float) -> Fault | None:
-        """Return a fault if Redis is silent, or the learner has failed."""
+        """Return a fault if Redis is silent, or the learner is or has failed."""
         silence = self._monotonic() - self._last
         if silence > self._longest:
             return Fault(FaultKind.LINK, f"Redis has been silent for {silence:.0f} s", now)
         if self._ended:
             return Fault(FaultKind.LINK, f"the learner has failed: {self._ended}", now)
+        silence = self._monotonic() - self._last_beat
+        if silence > self._longest:
+            return Fault(FaultKind.LINK, f"the learner has given no sign of life for {silence:.0f} s", now)
         return None
