@@ -27,11 +27,15 @@ from taskschema_robot.safety.fault import FaultKind
 from taskschema_robot.safety.monitors import CameraMonitor, LinkMonitor
 
 
+def picture(brightness: int) -> np.ndarray:
+    return np.full((2, 2, 3), brightness, dtype=np.uint8)
+
+
 class StillCamera:
     """A camera whose frames are made by hand."""
 
     def __init__(self) -> None:
-        self.frame = Frame(10.0, 0, np.zeros((2, 2, 3), dtype=np.uint8))
+        self.frame = Frame(10.0, 0, picture(0))
         self.broken = False
 
     def latest(self) -> Frame:
@@ -49,10 +53,25 @@ def test_a_camera_that_repeats_its_picture_is_noticed():
     assert monitor.fault(10.5) is None
     camera.frame = Frame(11.9, 0, camera.frame.image)  # a new time on the old picture
     assert monitor.fault(12.0).kind is FaultKind.CAMERA
-    camera.frame = Frame(12.0, 1, camera.frame.image)
+    camera.frame = Frame(12.0, 1, picture(1))
     assert monitor.fault(12.1) is None
     camera.broken = True
     assert "no picture" in monitor.fault(12.2).reason
+
+
+def test_the_same_picture_under_new_numbers_is_noticed():
+    camera = StillCamera()
+    monitor = CameraMonitor(camera, oldest=1.0)
+    for number in range(11):
+        camera.frame = Frame(10.0 + 0.1 * number, number, picture(7))
+        assert monitor.fault(10.0 + 0.1 * number) is None
+    camera.frame = Frame(11.1, 11, picture(7))
+    assert "the same picture" in monitor.fault(11.1).reason
+    # What was between two motions nobody has watched: a still scene may look the same.
+    camera.frame = Frame(20.0, 100, picture(7))
+    assert monitor.fault(20.0) is None
+    camera.frame = Frame(20.4, 104, picture(8))
+    assert monitor.fault(20.4) is None
 
 
 def test_a_redis_that_is_silent_is_noticed_and_a_learner_that_failed(tmp_path):

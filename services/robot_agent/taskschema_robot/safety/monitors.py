@@ -13,6 +13,8 @@ from taskschema_robot.safety.fault import Fault, FaultKind
 
 LOOK_SECONDS = 1.0
 """Between two looks at Redis [s]."""
+UNWATCHED = 0.5
+"""After so long without a look [s], between two motions, a picture is not known to have been the same."""
 ENDED = ("finished", "stopped")
 """What a learner says that ended in order."""
 
@@ -23,20 +25,29 @@ class CameraMonitor:
     def __init__(self, camera: Camera, oldest: float) -> None:
         self._camera = camera
         self._oldest = oldest
-        self._number = -1
-        self._since = -float("inf")
+        self._number = self._digest = -1
+        self._since = self._changed = self._looked = -float("inf")
 
     def fault(self, now: float) -> Fault | None:
-        """Return a fault if the camera stands still: a repeated picture does not count as new."""
+        """Return a fault if the camera stands still: a repeated picture does not count as new.
+
+        Nor does one under a new number: a working camera never sees the very same twice.
+        """
         try:
             frame = self._camera.latest()
         except CameraError as error:
             return Fault(FaultKind.CAMERA, f"camera: {error}", now)
         if frame.number != self._number:
             self._number, self._since = frame.number, frame.time
+        if frame.digest != self._digest or now - self._looked > UNWATCHED:
+            self._digest, self._changed = frame.digest, now
+        self._looked = now
         age = now - self._since
         if age > self._oldest:
             return Fault(FaultKind.CAMERA, f"the camera's last picture is {age:.1f} s old", now)
+        if now - self._changed > self._oldest:
+            reason = f"the camera has sent the same picture for {now - self._changed:.1f} s under new numbers"
+            return Fault(FaultKind.CAMERA, reason, now)
         return None
 
 

@@ -28,5 +28,7 @@ class FaultKind(StrEnum):
     """A joint reports an error: the robot stops itself."""
     FREEZE_CAMERA = "freeze-camera"
     """The camera repeats its last picture."""
+    REPEAT_PICTURE = "repeat-picture"
+    """The camera goes on counting and stamping, but every picture is the same one."""
     OBSTACLE = "obstacle"
     """An upright bar, as thick as a person's arm, stands where a person would reach in."""

@@ -122,6 +122,8 @@ class Twin:
         """
         if kind is FaultKind.FREEZE_CAMERA:
             self.camera.freeze(self.expose() if active else None)
+        elif kind is FaultKind.REPEAT_PICTURE:
+            self.camera.repeat(self.expose() if active else None)
         elif kind is FaultKind.OBSTACLE:
             self.world.place_obstacle(np.array(OBSTACLE_POSITION) if active else None)
         else:
