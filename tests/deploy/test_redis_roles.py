@@ -123,8 +123,11 @@ def test_agents_only_read(server: RoleRedis, role: str, words: tuple[str, ...]) 
 
 
 def test_a_robot_sees_what_its_run_is_doing(server: RoleRedis) -> None:
-    """Its watchdog stops the arms when the learner fails; its log is trimmed by the policy version."""
+    """Its watchdog stops the arms when the learner fails or is silent; the policy version trims its log."""
     RunRecords(server.client("learner")).set_progress("run", round_index=3, version=3)
+    with Run(server.url("learner"), RunConfig(task="toy")) as run:
+        run.learner().beat()
+        assert RunRecords(server.client("robot")).status(run.name).alive_at
     assert RunRecords(server.client("robot")).status("run").version == 3
     with pytest.raises(redis.ResponseError, match=r"permission|command not allowed"):
         server.client("worker").hgetall(RunKeys("run").status)

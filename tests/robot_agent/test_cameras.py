@@ -1,6 +1,7 @@
 """Cameras read in a thread: newest frames, ends, failures."""
 
 import time
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -14,17 +15,22 @@ from taskschema_robot.clock import RealClock
 from taskschema_robot.errors import CameraError
 
 
-def test_a_video_camera_reads_to_its_end_and_keeps_the_last_frame(tmp_path):
-    path = tmp_path / "frames.avi"
+def film(path: Path) -> str:
+    """Write 20 frames of 64 x 48 pixels."""
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 30, (64, 48))
     for index in range(20):
         picture = np.zeros((48, 64, 3), dtype=np.uint8)
         picture[:, :, 2] = 10 * index  # red, in OpenCV's order
         writer.write(picture)
     writer.release()
+    return str(path)
+
+
+def test_a_video_camera_reads_to_its_end_and_keeps_the_last_frame(tmp_path):
+    path = film(tmp_path / "frames.avi")
     clock = RealClock()
     before = clock.now()
-    camera = VideoCamera(str(path), (64, 48), clock)
+    camera = VideoCamera(path, (64, 48), clock)
     try:
         deadline = time.monotonic() + 10
         while camera.latest().number < 20:
@@ -36,6 +42,26 @@ def test_a_video_camera_reads_to_its_end_and_keeps_the_last_frame(tmp_path):
     assert abs(int(frame.image[24, 32, 0]) - 190) < 12  # red comes first here
     assert frame.image[24, 32, 2] < 30
     assert before < frame.time < clock.now()
+
+
+def test_pictures_of_another_size_than_the_lens_files_are_refused(tmp_path):
+    path = film(tmp_path / "frames.avi")
+    camera = VideoCamera(path, (128, 96), RealClock())
+    with pytest.raises(CameraError, match="delivers 64 x 48 pixels, its lens file holds for 128 x 96"):
+        camera.latest()
+    camera.close()
+    any_size = VideoCamera(path, (128, 96), RealClock(), exact=False)  # to find out about its lens
+    assert any_size.latest().image.shape == (48, 64, 3)
+    any_size.close()
+
+
+def test_a_digest_tells_pictures_apart():
+    image = np.zeros((48, 64, 3), dtype=np.uint8)
+    first = Frame(0.0, 0, image)
+    other = image.copy()
+    other[47, 63, 2] = 1
+    assert Frame(1.0, 1, image.copy()).digest == first.digest
+    assert Frame(1.0, 1, other).digest != first.digest
 
 
 def test_a_camera_that_is_not_there():
@@ -60,8 +86,8 @@ def test_a_fetched_frame_fetches_once_and_only_if_looked_at():
         fetched.append(1)
         return np.zeros((2, 2, 3), dtype=np.uint8)
 
-    frame = FetchedFrame(1.5, 7, fetch)
-    assert (frame.time, frame.number, fetched) == (1.5, 7, [])
+    frame = FetchedFrame(1.5, 7, 9, fetch)
+    assert (frame.time, frame.number, frame.digest, fetched) == (1.5, 7, 9, [])
     assert frame.image.shape == (2, 2, 3)
     assert frame.image is frame.image
     assert fetched == [1]

@@ -11,6 +11,7 @@ import pytest
 from taskschema_robot.clock import RealClock
 from taskschema_robot.drivers.pyrobot.arm import CHILD, PyrobotArm, PyrobotProcess
 from taskschema_robot.errors import EffectTimeoutError, NotConnectedError, NotReadyError, SetpointError
+from taskschema_robot.sawyer_interface import COLLISION_STATE, LONGEST_SILENCE
 
 MOUNT = 0.0141
 
@@ -53,6 +54,8 @@ def test_every_call_has_its_published_signature_and_an_effect(arm):
     wait_until(lambda: arm.gripper_acknowledged)
     wait_until(lambda: arm.state().gripper.opening == pytest.approx(MOUNT + 0.02))
     assert arm.state().wrench[2] == -9.0
+    assert {source.name for source in arm.state().sources} == set(LONGEST_SILENCE)
+    wait_until(lambda: all(arm.state().time - source.time < 0.5 for source in arm.state().sources))
     arm.stop()
     wait_until(lambda: arm.state().stopped)
     with pytest.raises(NotReadyError, match="told to stop"):
@@ -84,6 +87,13 @@ def test_a_process_that_dies_is_noticed(arm):
     with pytest.raises(NotConnectedError):
         wait_until(lambda: arm.set_speed_ratio(0.1))
     arm.stop()
+
+
+def test_a_silent_collision_detection_is_named(monkeypatch):
+    monkeypatch.setattr("taskschema_robot.drivers.pyrobot.arm.EFFECT_SECONDS", 0.3)
+    arm = PyrobotArm("left", process(TASKSCHEMA_SILENT_TOPIC=COLLISION_STATE), RealClock())
+    with pytest.raises(NotConnectedError, match=f"nothing comes from {COLLISION_STATE}:"):
+        arm.connect()
 
 
 def test_without_pyrobot_the_reason_is_named():

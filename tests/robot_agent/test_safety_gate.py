@@ -9,6 +9,7 @@ from recording_arms import HOME, RecordingArm, TestBench
 
 from taskschema.kinematics.sawyer import rethink_gripper, sawyer
 from taskschema.safety.limits import SafetyLimits
+from taskschema_robot.drivers.driver import Source
 from taskschema_robot.errors import NotReadyError, SetpointError
 from taskschema_robot.safety.fault import Fault, FaultError, FaultKind, RecoveryError
 from taskschema_robot.safety.homing import return_home
@@ -45,6 +46,10 @@ def silence(arm: RecordingArm) -> None:
     arm.frozen_at = arm.state().time
 
 
+def hush(arm: RecordingArm) -> None:
+    arm.changes["sources"] = (Source("/its/wrench", arm.state().time, 0.1),)
+
+
 def hold_back(arm: RecordingArm) -> None:
     arm.follows = False
 
@@ -73,6 +78,7 @@ def gripper_error(arm: RecordingArm) -> None:
     ("breaks", "kind"),
     [
         (silence, FaultKind.STATE_AGE),
+        (hush, FaultKind.STATE_AGE),
         (hold_back, FaultKind.TRACKING),
         (disconnect, FaultKind.CONNECTION),
         (say(collision=True), FaultKind.COLLISION),

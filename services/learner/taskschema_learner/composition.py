@@ -13,6 +13,7 @@ from types import FrameType
 from taskschema.arrays import Float32Array
 from taskschema.bus.connection import connect
 from taskschema.bus.learner_bus import LearnerBus
+from taskschema.bus.learner_life import LearnerLife
 from taskschema.bus.records import RunRecords
 from taskschema.bus.worker_bus import WorkerBus
 from taskschema.bus.worker_info import AgentKind
@@ -97,6 +98,7 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
         learner = Learner(folder.config, task, options.device, options.trunk, initial)
         bus = LearnerBus(connect(url), folder.name, folder.config)
         bus.acquire()
+        stack.enter_context(LearnerLife(bus))
         crew = stack.enter_context(ExitStack())
         tend_workers, workers = _start_workers(crew, options, url, folder.name)
         parts = Parts(

@@ -30,6 +30,15 @@ STOP = "/robot/set_super_stop"
 RESET = "/robot/set_super_reset"
 GRIPPER_COMMAND = "/io/end_effector/right_gripper/command"
 
+LONGEST_SILENCE = {
+    ENDPOINT_STATE: 0.1,
+    COLLISION_STATE: 0.5,
+    ROBOT_STATE: 0.5,
+    GRIPPER_STATE: 2.0,
+}
+"""After which a topic has ceased [s]: some five of its messages, as the twin sends them. How often real
+robots send all but the first is to be confirmed on hardware."""
+
 TYPES = {
     JOINT_STATES: "sensor_msgs/JointState",
     ENDPOINT_STATE: "intera_core_msgs/EndpointState",

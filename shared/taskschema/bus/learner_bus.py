@@ -256,6 +256,16 @@ class LearnerBus:
         self._write(lambda records: records.set_state(self._run, state, message))
 
     @bus_errors()
+    def beat(self) -> None:
+        """Give a sign of life; from any thread."""
+
+        def plan(pipe: Any) -> None:  # noqa: ANN401 - a pipeline, which redis-py leaves untyped
+            pipe.multi()
+            RunRecords(pipe).set_alive(self._run)
+
+        self._fenced(plan)
+
+    @bus_errors()
     def publish_update(
         self, snapshot: PolicySnapshot, document: SchemaDocument, metrics: RoundMetrics
     ) -> None:

@@ -191,6 +191,12 @@ class RunRecords:
         """Say where the HTTP API of the run's own command answers; None: nowhere."""
         self._write_status(run, {"api": url or ""})
 
+    @bus_errors()
+    def set_alive(self, run: str) -> None:
+        """Say that the learner is there; nothing else about the run has changed."""
+        now = datetime.now(UTC).isoformat(timespec="milliseconds")
+        self._client.hset(RunKeys(run).status, "alive_at", now)
+
     def _write_status(self, run: str, fields: Mapping[str, str | int]) -> None:
         self._client.hset(RunKeys(run).status, mapping={**fields, "updated_at": _now()})
 

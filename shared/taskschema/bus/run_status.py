@@ -25,3 +25,5 @@ class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
     """UTC time at which the run was registered, ISO 8601."""
     updated_at: str = ""
     """UTC time of the latest change of this status, ISO 8601."""
+    alive_at: str = ""
+    """UTC time of the learner's latest sign of life, ISO 8601: every two seconds, by its own clock."""

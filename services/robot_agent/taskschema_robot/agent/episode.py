@@ -93,6 +93,7 @@ class EpisodeRunner:
 
         """
         record, began = EpisodeRecord(), self._clock.now()
+        self._put_down(recovering=False)  # what an episode that a person dropped half-way still holds
         self.go_home()
         start = self._world.reset(self._task.draw_instance(generator(key, Purpose.RESET)))
         self._observer.begin()
@@ -151,7 +152,11 @@ class EpisodeRunner:
         if motion is None:
             return
         self._lowering = True
-        refusal = self._arms.execute(motion, recovering=recovering)
+        try:
+            refusal = self._arms.execute(motion, recovering=recovering)
+        except EpisodeDroppedError:  # it was not begun
+            self._lowering = False
+            raise
         self._lowering = False
         if refusal is not None:
             self._let_go(refusal.reason)

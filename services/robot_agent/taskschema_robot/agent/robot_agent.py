@@ -118,9 +118,9 @@ class RobotAgent:
             "mend what it says, and start the agent again."
         )
 
-    def _recover(self, error: FaultError) -> None:
+    def _recover(self, stopped: FaultError) -> None:
         """Wait for a person's acknowledgement, then bring the arms home slowly; again if that fails, too."""
-        fault = error.fault
+        fault = stopped.fault
         for _ in range(MOST_RECOVERIES):
             try:
                 self._arms.acknowledge(self._operator.acknowledge(fault))
@@ -128,6 +128,8 @@ class RobotAgent:
                 return
             except FaultError as another:
                 fault = another.fault
+            except EpisodeDroppedError as error:  # nobody was there to hold a key: they are asked again
+                self._operator.dropped(str(error))
         raise RecoveryError(
             f"The arms did not get home in {MOST_RECOVERIES} tries, the last time for this: {fault.reason}. "
             "Free them by hand, then start the agent again: nothing is lost."

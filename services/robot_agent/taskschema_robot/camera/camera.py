@@ -1,6 +1,8 @@
 """The interface of a camera."""
 
+import zlib
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -20,6 +22,11 @@ class Frame:
     """Counts up with every picture taken; a frozen camera repeats it."""
     image: Image
     """[H, W, 3] at the camera's own resolution."""
+
+    @cached_property
+    def digest(self) -> int:
+        """Of what is to be seen: a working camera's noise makes every picture another one."""
+        return zlib.crc32(np.ascontiguousarray(self.image).data)
 
 
 @dataclass(frozen=True, eq=False)

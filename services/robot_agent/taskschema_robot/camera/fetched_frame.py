@@ -12,14 +12,22 @@ class FetchedFrame(Frame):
     Args:
         time: see `Frame`.
         number: see `Frame`.
+        digest: see `Frame`; known without the image.
         fetch: returns the image.
 
     """
 
-    def __init__(self, time: float, number: int, fetch: Callable[[], Image]) -> None:
+    def __init__(self, time: float, number: int, digest: int, fetch: Callable[[], Image]) -> None:
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "number", number)
+        object.__setattr__(self, "_digest", digest)
         object.__setattr__(self, "_fetch", fetch)
+
+    @cached_property
+    def digest(self) -> int:
+        """Of what is to be seen; see `Frame`."""
+        digest: int = object.__getattribute__(self, "_digest")
+        return digest
 
     @cached_property
     def image(self) -> Image:

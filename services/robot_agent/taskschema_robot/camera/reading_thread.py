@@ -35,7 +35,9 @@ class ReadingThread:
     def _run(self) -> None:
         while not self._ending.is_set():
             try:
-                self._newest = self._read()
+                frame = self._read()
+                _ = frame.digest  # takes its time: here, not between the set-points of a motion
+                self._newest = frame
             except CameraError as error:
                 self._failure = error
                 self._ending.set()

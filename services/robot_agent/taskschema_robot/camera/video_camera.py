@@ -16,11 +16,13 @@ class VideoCamera:
         source: such as `0`, `/dev/video2` or `rtsp://...`.
         size: width and height to ask the camera for [pixels].
         clock: that frames are stamped with when they have been read.
+        exact: whether a picture of another size is refused: a lens file holds for one size only.
 
     """
 
-    def __init__(self, source: str, size: tuple[int, int], clock: Clock) -> None:
+    def __init__(self, source: str, size: tuple[int, int], clock: Clock, *, exact: bool = True) -> None:
         self._source = source
+        self._size = size if exact else None
         self._clock = clock
         self._count = 0
         self._capture = cv2.VideoCapture(int(source) if source.isdigit() else source)
@@ -38,6 +40,13 @@ class VideoCamera:
         good, picture = self._capture.read()
         if not good:
             raise CameraError(f"Camera {self._source!r} delivers no more pictures: check its cable.")
+        height, width = picture.shape[:2]
+        if self._size not in (None, (width, height)):
+            wanted = " x ".join(map(str, self._size or ()))
+            raise CameraError(
+                f"Camera {self._source!r} delivers {width} x {height} pixels, its lens file holds for"
+                f" {wanted}: set the camera to that, or make a lens file for this size (`calibrate --lens`)."
+            )
         self._count += 1
         image = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)
         return Frame(self._clock.now(), self._count, image)

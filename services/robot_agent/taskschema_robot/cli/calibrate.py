@@ -80,7 +80,8 @@ def _through_camera(source: str, lens: Path, count: int) -> "tuple[list[Frame], 
 
     clock = RealClock()
     known = read_lens(lens) if lens.exists() else None
-    camera = VideoCamera(source, known[1] if known else (1920, 1080), clock)
+    size = known[1] if known else (1920, 1080)
+    camera = VideoCamera(source, size, clock, exact=known is not None)
 
     def next_picture() -> "Frame":
         before = camera.latest().number

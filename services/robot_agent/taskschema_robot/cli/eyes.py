@@ -47,6 +47,7 @@ def open_eyes(stack: ExitStack, hardware: Hardware, source: str | None, lens: Pa
         projection, size = read_lens(lens)
         camera = VideoCamera(source, size, hardware.clock)
     stack.callback(camera.close)
+    camera.latest()  # one that has no picture, or one of another size, is better known of now
     return Eyes(camera, projection)
 
 

@@ -8,13 +8,15 @@ from pathlib import Path
 
 from taskschema.safety.motion import Motion
 from taskschema.safety.refusal import Refusal
+from taskschema_robot.agent.attended_arms import AttendedArms
 from taskschema_robot.agent.episode import Preview
 from taskschema_robot.agent.operator import Operator, Unattended
 from taskschema_robot.agent.terminal_operator import TerminalOperator
 from taskschema_robot.agent.twin_person import TwinPerson
 from taskschema_robot.agent.world import EpisodeDroppedError
 from taskschema_robot.reward.camera_world import ResetPerson
-from taskschema_robot.safety.monitors import HoldToRun
+from taskschema_robot.safety.gated_arms import GatedArms
+from taskschema_robot.safety.hold_to_run import HOLD_KEY, HoldToRun
 from taskschema_robot.safety.watchdog import Monitor
 from taskschema_robot.twin.client import TwinClient
 
@@ -33,6 +35,8 @@ class Person:
     keyboard: AbstractContextManager[object] = field(default_factory=nullcontext)
     stops: list[Stop] = field(default_factory=list)
     """What a stop key calls, once there is a gate."""
+    attend: Callable[[GatedArms], GatedArms] = lambda arms: arms
+    """Makes arms of those behind the gate that wait for the person before every motion, if they are to."""
 
     def on_stop(self, stop: Stop) -> None:
         """Let the stop key stop the arms."""
@@ -69,16 +73,21 @@ def person_at_terminal(folder: Path, stop: threading.Event, *, hold_to_run: bool
         for call in stops:
             call("the stop key")
 
-    keyboard = Keyboard(stop_now, held.pressed)
-    operator = TerminalOperator(Console(highlight=False), keyboard.take, keyboard.ask, folder, stop.set)
-    return Person(
+    console = Console(highlight=False)
+    keyboard = Keyboard(stop_now, held.take if hold_to_run else lambda key: False)
+    operator = TerminalOperator(console, keyboard.take, keyboard.ask, folder, stop.set)
+    person = Person(
         operator,
         operator,
-        [held] if hold_to_run else [],
-        _preview(folder, keyboard.ask) if preview else None,
-        keyboard,
-        stops,
+        preview=_preview(folder, keyboard.ask) if preview else None,
+        keyboard=keyboard,
+        stops=stops,
     )
+    if hold_to_run:
+        words = f"[bold]Hold {HOLD_KEY} down[/bold] for as long as the arms may move; let go to stop them."
+        person.monitors.append(held)
+        person.attend = lambda arms: AttendedArms(arms, lambda: held.held, lambda: console.print(words))
+    return person
 
 
 def _preview(folder: Path, ask: Callable[[str], str]) -> Preview:
@@ -89,7 +98,9 @@ def _preview(folder: Path, ask: Callable[[str], str]) -> Preview:
         path = folder / "preview.png"
         draw_motion(path, motion, refusal, title)
         words = f"refused: {refusal.reason}" if refusal else f"{motion.duration:.1f} s"
-        if ask(f"{title} ({words}), see {path}. Enter to go on, n to drop the episode: ").strip() == "n":
-            raise EpisodeDroppedError("A person did not want the plan.")
+        question = f"{title} ({words}), see {path}. Enter to go on, n to drop the episode: "
+        while answer := ask(question).strip():
+            if answer == "n":
+                raise EpisodeDroppedError("A person did not want the plan.")
 
     return show

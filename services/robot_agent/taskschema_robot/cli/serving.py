@@ -103,7 +103,7 @@ def serve(options: Serving, stop: threading.Event) -> None:
         size, release = np.array(item.size), person.operator.release
         observer = frame_observer(task, size, eyes, hardware.clock) if eyes and sees_images else None
         runner = EpisodeRunner(
-            task, size, gate, world, hardware.clock, limits, person.preview, release, observer
+            task, size, person.attend(gate), world, hardware.clock, limits, person.preview, release, observer
         )
         agent_id = f"robot-{socket.gethostname()}"
         bus = WorkerBus(connect(url), run, agent_id, kind="robot", lease_seconds=LEASE_SECONDS)

@@ -20,6 +20,18 @@ class GripperState:
     error: bool
 
 
+@dataclass(frozen=True)
+class Source:
+    """Something that an arm's state is put together from, beside the joint states."""
+
+    name: str
+    """For messages: a topic, say."""
+    time: float
+    """When it last said something, on the agent's clock [s]."""
+    longest: float
+    """Silence after which what it said last must not be believed any more [s]."""
+
+
 @dataclass(frozen=True, eq=False)
 class ArmState:
     """What one arm last said of itself, and when."""
@@ -36,7 +48,7 @@ class ArmState:
     efforts: FloatArray
     """[7] measured joint torques [Nm]."""
     wrench: FloatArray
-    """[6] force [N] and torque [Nm] at the end effector, in the robot's base frame; zeros where unknown."""
+    """[6] force [N] and torque [Nm] at the end effector, in the robot's base frame."""
     collision: bool
     """Whether the robot's own collision detection has stopped it."""
     enabled: bool
@@ -46,6 +58,8 @@ class ArmState:
     emergency_stop: bool
     """Whether the emergency stop button is pressed."""
     gripper: GripperState
+    sources: tuple[Source, ...] = ()
+    """Where all but the joints comes from: a silent one would say for ever that all is well."""
 
     @property
     def ready(self) -> bool:

@@ -4,25 +4,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from taskschema.arrays import FloatArray
 from taskschema.kinematics.sawyer import GRIPPER_STROKE, sawyer
 from taskschema_robot import sawyer_interface as interface
 from taskschema_robot.clock import Clock
 from taskschema_robot.drivers.bridge_connection import BridgeConnection
 from taskschema_robot.drivers.command_guard import CommandGuard, why_not_ready
-from taskschema_robot.drivers.driver import ArmState, GripperState
+from taskschema_robot.drivers.driver import ArmState
 from taskschema_robot.drivers.input_output import InputOutput, input_output
 from taskschema_robot.drivers.repeated_command import REPEAT_SECONDS, RepeatedCommand
-from taskschema_robot.drivers.sawyer_messages import (
-    JointReading,
-    joint_command,
-    read_joint_states,
-    read_signals,
-    read_wrench,
-    signal_command,
-)
+from taskschema_robot.drivers.sawyer_messages import joint_command, signal_command
+from taskschema_robot.drivers.sawyer_reports import TOPICS, SawyerReports
 from taskschema_robot.errors import EffectTimeoutError, NotConnectedError, NotReadyError
 
 Json = dict[str, Any]
@@ -36,13 +28,6 @@ POLL_SECONDS = 0.02
 ENDPOINT_MILLISECONDS = 15
 """Least time between two end-point states [ms]: every second one of 100 a second suffices for the wrench."""
 
-SUBSCRIPTIONS = (
-    interface.JOINT_STATES,
-    interface.ENDPOINT_STATE,
-    interface.COLLISION_STATE,
-    interface.ROBOT_STATE,
-    interface.GRIPPER_STATE,
-)
 ADVERTISEMENTS = (
     interface.JOINT_COMMAND,
     interface.SPEED_RATIO,
@@ -93,12 +78,7 @@ class RosbridgeArm:
         self._forget()
 
     def _forget(self) -> None:
-        self._joints: tuple[float, JointReading] | None = None
-        self._wrench: FloatArray = np.zeros(6)
-        self._collision = False
-        self._assembly: Json | None = None
-        self._signals: Json | None = None
-        self._acknowledged: list[Json] = []
+        self._reports = SawyerReports(self._clock, self._address.finger_mount)
         self._guard.forget()
         self._stopping: RepeatedCommand | None = None
         self._gripping: RepeatedCommand | None = None
@@ -132,58 +112,26 @@ class RosbridgeArm:
             interface.JOINT_STATES: self._address.state_milliseconds,
             interface.ENDPOINT_STATE: ENDPOINT_MILLISECONDS,
         }
-        for topic in SUBSCRIPTIONS:
+        for topic in TOPICS:
             # Without a queue length, a client that reads slowly holds up everybody else's topics too.
             operation = {"op": "subscribe", "topic": topic, "type": interface.TYPES[topic]}
             connection.send(operation | {"throttle_rate": throttles.get(topic, 0), "queue_length": 1})
         start = self._clock.now()
-        self._wait_for(self._complete, EFFECT_SECONDS)
-        if not self._complete():
-            missing = [
-                topic
-                for topic, value in (
-                    (interface.JOINT_STATES, self._joints),
-                    (interface.ROBOT_STATE, self._assembly),
-                    (interface.GRIPPER_STATE, self._signals),
-                )
-                if value is None
-            ]
+        if not self._wait_for(lambda: not self._reports.missing, EFFECT_SECONDS):
+            missing = ", ".join(self._reports.missing)
             self.close()
             raise NotConnectedError(
-                f"{self.name}: {self._address.url} answers, but {', '.join(missing)} stays silent: check that"
-                " the robot is up and its gripper is attached."
+                f"{self.name}: {self._address.url} answers, but nothing comes from {missing}: check that the"
+                " robot is up and its gripper is attached."
             )
         self._clock.sleep_until(start + LINK_SECONDS)
 
-    def _complete(self) -> bool:
-        return None not in (self._joints, self._assembly, self._signals)
-
     def state(self) -> ArmState:
         """Return the newest state; see `ArmDriver`."""
-        joints, assembly, signals = self._joints, self._assembly, self._signals
-        if joints is None or assembly is None or signals is None:
+        state = self._reports.state()
+        if state is None:
             raise NotConnectedError(f"{self.name}: no state yet: connect first.")
-        arrived, reading = joints
-        return ArmState(
-            time=arrived,
-            stamp=reading.stamp,
-            positions=reading.positions,
-            velocities=reading.velocities,
-            efforts=reading.efforts,
-            wrench=self._wrench,
-            collision=self._collision,
-            enabled=bool(assembly["enabled"]),
-            stopped=bool(assembly["stopped"]),
-            error=bool(assembly["error"]),
-            emergency_stop=assembly["estop_button"] == interface.BUTTON_PRESSED,
-            gripper=GripperState(
-                opening=self._address.finger_mount + float(signals["position_response_m"]),
-                calibrated=bool(signals["is_calibrated"]),
-                moving=bool(signals["is_moving"]),
-                gripping=bool(signals["is_gripping"]),
-                error=bool(signals["has_error"]),
-            ),
-        )
+        return state
 
     def command(self, positions: FloatArray) -> None:
         """Send one set-point; see `ArmDriver`."""
@@ -223,9 +171,8 @@ class RosbridgeArm:
     def stop(self) -> None:
         """Stop at once; see `ArmDriver`."""
         self._guard.forget()
-        self._stopping = RepeatedCommand(
-            interface.STOP, {}, lambda: bool(self._assembly and self._assembly["stopped"]), self._clock.now()
-        )
+        reports = self._reports
+        self._stopping = RepeatedCommand(interface.STOP, {}, lambda: reports.stopped, self._clock.now())
         if self._connection is None:
             return
         try:
@@ -290,26 +237,16 @@ class RosbridgeArm:
         connection, now = self._require_connection(), self._clock.now()
         self._last_signal_time = max(now, self._last_signal_time + 1e-6)
         message = signal_command(signal, value, self._last_signal_time)
-        time = message["time"]
-        command = RepeatedCommand(interface.GRIPPER_COMMAND, message, lambda: time in self._acknowledged, now)
+        time, reports = message["time"], self._reports
+        command = RepeatedCommand(
+            interface.GRIPPER_COMMAND, message, lambda: time in reports.acknowledged, now
+        )
         connection.send(_publish(interface.GRIPPER_COMMAND, message))
         return command
 
     def _on_publish(self, topic: str, message: Json) -> None:
         """Take in a message, in the input-output thread."""
-        if topic == interface.JOINT_STATES:
-            reading = read_joint_states(message)
-            if self._joints is None or reading.stamp != self._joints[1].stamp:
-                self._joints = (self._clock.now(), reading)
-        elif topic == interface.ENDPOINT_STATE:
-            self._wrench = read_wrench(message)
-        elif topic == interface.COLLISION_STATE:
-            self._collision = bool(message["collision_state"])
-        elif topic == interface.ROBOT_STATE:
-            self._assembly = message
-        elif topic == interface.GRIPPER_STATE:
-            self._signals = read_signals(message)
-            self._acknowledged = message["commands"]
+        self._reports.take(topic, message)
         self._repeat()
 
     def _repeat(self) -> None:

@@ -53,6 +53,10 @@ def _wrong(state: ArmState, now: float, limits: SafetyLimits) -> tuple[FaultKind
         return FaultKind.NOT_ENABLED, "it is not enabled"
     if not age <= limits.state_age:
         return FaultKind.STATE_AGE, f"its last state is {age:.2f} s old"
+    for source in state.sources:
+        silence = now - source.time
+        if not silence <= source.longest:
+            return FaultKind.STATE_AGE, f"nothing has come from {source.name} for {silence:.2f} s"
     if not finite:
         return FaultKind.STATE_AGE, "its state holds numbers that are not finite"
     if force > limits.force:

@@ -61,8 +61,8 @@ class LockStepCamera:
 
     def latest(self) -> Frame:
         """Return the newest picture."""
-        moment, number = self._clock.newest_picture
-        return FetchedFrame(moment, number, lambda: self._client.take_picture().image)
+        moment, number, digest = self._clock.newest_picture
+        return FetchedFrame(moment, number, digest, lambda: self._client.take_picture().image)
 
     def close(self) -> None:
         """Do nothing: the client is its owner's."""

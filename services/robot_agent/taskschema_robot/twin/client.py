@@ -10,6 +10,7 @@ from websockets.exceptions import WebSocketException
 
 from taskschema.arrays import FloatArray
 from taskschema_robot.camera.camera import Frame
+from taskschema_robot.camera.fetched_frame import FetchedFrame
 from taskschema_robot.drivers.input_output import InputOutputInTurn
 from taskschema_robot.errors import CameraError, TwinError
 from taskschema_robot.twin import control_messages as messages
@@ -99,7 +100,8 @@ class TwinClient:
         if not isinstance(answer, messages.PictureTaken):
             raise TwinError(f"The twin answered with {answer}.")
         pixels = np.frombuffer(await self._connection.recv(decode=False), dtype=np.uint8)
-        return Frame(answer.time, answer.number, pixels.reshape(answer.height, answer.width, 3))
+        image = pixels.reshape(answer.height, answer.width, 3)
+        return FetchedFrame(answer.time, answer.number, answer.digest, lambda: image)
 
     def close(self) -> None:
         """End the connection; the twin goes on."""

@@ -69,6 +69,8 @@ class Advanced(msgspec.Struct, tag="advanced", frozen=True):
     """When the camera's newest picture was taken [s since the epoch]."""
     picture_number: int
     """Of that picture."""
+    picture_digest: int
+    """Of what is to be seen on it."""
 
 
 class ObjectPose(msgspec.Struct, tag="object-pose", frozen=True):
@@ -83,6 +85,7 @@ class PictureTaken(msgspec.Struct, tag="picture-taken", frozen=True):
 
     time: float
     number: int
+    digest: int
     height: int
     width: int
 

@@ -63,7 +63,7 @@ class ControlServer:
                 exposure = self._twin.expose()
                 image = await self._twin.camera.render(exposure)
                 height, width, _ = image.shape
-                header = messages.PictureTaken(exposure.time, exposure.number, height, width)
+                header = messages.PictureTaken(exposure.time, exposure.number, exposure.digest, height, width)
                 return [_encode(header), image.tobytes()]
             return [_encode(await self._do(request))]
         except (msgspec.MsgspecError, CameraError, ValueError) as error:
@@ -105,7 +105,7 @@ class ControlServer:
                     accepted[path] = link.outbox.accepted
         await asyncio.sleep(0)  # the frames go first, or their reader wakes up once for each
         exposure = twin.expose()
-        return messages.Advanced(twin.now(), accepted, exposure.time, exposure.number)
+        return messages.Advanced(twin.now(), accepted, exposure.time, exposure.number, exposure.digest)
 
     async def _wait_for(self, path: str, count: int) -> None:
         """Wait until the bridge has dealt with `count` frames of a connection, unless that breaks."""

@@ -29,8 +29,8 @@ class LockStepClock:
         self._twin = twin
         self._now = twin.describe().time
         self._sources: list[Connections] = []
-        self.newest_picture = (self._now, -1)
-        """When the camera's newest picture was taken [s], and its number."""
+        self.newest_picture = (self._now, -1, 0)
+        """When the camera's newest picture was taken [s], its number, and its digest."""
 
     @property
     def input_output(self) -> InputOutput:
@@ -50,7 +50,7 @@ class LockStepClock:
         while self._now < moment - 1e-9:
             passed = self._twin.run(self._advance(min(moment, self._now + LONGEST_STEP)))
             self._now = passed.time
-            self.newest_picture = (passed.picture_time, passed.picture_number)
+            self.newest_picture = (passed.picture_time, passed.picture_number, passed.picture_digest)
 
     async def _advance(self, until: float) -> Advanced:
         """Send what waits, ask for time, and take in what comes of it."""

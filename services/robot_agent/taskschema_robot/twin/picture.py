@@ -1,8 +1,9 @@
 """What the overhead camera sees."""
 
 import asyncio
+import zlib
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -29,6 +30,11 @@ class Exposure:
     mocap: FloatArray
     """Where the obstacle was."""
 
+    @property
+    def digest(self) -> int:
+        """Of what is to be seen: the world never rests to the last bit, as no camera is without noise."""
+        return zlib.crc32(self.mocap.tobytes(), zlib.crc32(self.positions.tobytes()))
+
 
 class PictureTaker:
     """A camera that takes `FRAME_RATE` pictures a second, of which only those asked for are rendered.
@@ -46,17 +52,24 @@ class PictureTaker:
         self._thread = ThreadPoolExecutor(1, "picture")
         self._renderer: mujoco.Renderer | None = None
         self._frozen: Exposure | None = None
+        self._repeated: Exposure | None = None
 
     def expose(self, data: mujoco.MjData, now: float) -> Exposure:
         """Return the newest picture, not yet rendered."""
         if self._frozen is not None:
             return self._frozen
         number = int(now * FRAME_RATE)
+        if self._repeated is not None:
+            return replace(self._repeated, time=now, number=number)
         return Exposure(now, number, np.array(data.qpos), np.array(data.mocap_pos))
 
     def freeze(self, exposure: Exposure | None) -> None:
-        """Repeat one picture from now on; None: go on."""
+        """Deliver nothing newer than one picture from now on; None: go on."""
         self._frozen = exposure
+
+    def repeat(self, exposure: Exposure | None) -> None:
+        """Deliver one picture again and again as if it were new; None: go on."""
+        self._repeated = exposure
 
     async def render(self, exposure: Exposure) -> Image:
         """Return a picture's pixels [H, W, 3].

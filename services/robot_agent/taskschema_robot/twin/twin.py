@@ -8,6 +8,7 @@ import numpy as np
 
 from taskschema.kinematics.sawyer import rethink_gripper
 from taskschema.skills.pairs import ARMS
+from taskschema_robot import sawyer_interface as interface
 from taskschema_robot.twin.faults import FaultKind
 from taskschema_robot.twin.picture import Exposure, PictureTaker
 from taskschema_robot.twin.robot import REAL_LINK_DELAY, TwinRobot
@@ -21,6 +22,11 @@ OBSTACLE_POSITION = (0.0, -0.05, 0.25)
 """Where a person would reach in, between the hands [m]."""
 FINGER_MOUNT = rethink_gripper().closed
 """[m] the fingers' narrowest place: the opening then goes to 56 mm, less than the 79 mm of the simulation."""
+SILENCED = {
+    FaultKind.SILENCE_WRENCH: interface.ENDPOINT_STATE,
+    FaultKind.SILENCE_COLLISION: interface.COLLISION_STATE,
+}
+"""Topics that a fault silences."""
 LONGEST_LAG = 0.5
 """[s] by which a world in real time may fall behind before it gives the time up as lost."""
 
@@ -116,6 +122,8 @@ class Twin:
         """
         if kind is FaultKind.FREEZE_CAMERA:
             self.camera.freeze(self.expose() if active else None)
+        elif kind is FaultKind.REPEAT_PICTURE:
+            self.camera.repeat(self.expose() if active else None)
         elif kind is FaultKind.OBSTACLE:
             self.world.place_obstacle(np.array(OBSTACLE_POSITION) if active else None)
         else:
@@ -131,6 +139,8 @@ def _inject_robot(robot: TwinRobot, kind: FaultKind, *, active: bool, value: flo
         robot.server.stall(active=active)
     elif kind is FaultKind.FREEZE_STATE:
         robot.node.frozen = active
+    elif kind in SILENCED:
+        robot.node.silence(SILENCED[kind], active=active)
     elif kind is FaultKind.LOSE_ACKNOWLEDGEMENT:
         gripper.acknowledges = not active
     elif kind is FaultKind.PRESS_EMERGENCY_STOP:

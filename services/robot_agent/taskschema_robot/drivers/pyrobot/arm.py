@@ -15,9 +15,9 @@ from taskschema.arrays import FloatArray
 from taskschema.kinematics.sawyer import GRIPPER_STROKE, sawyer
 from taskschema_robot.clock import Clock
 from taskschema_robot.drivers.command_guard import CommandGuard, why_not_ready
-from taskschema_robot.drivers.driver import ArmState, GripperState
+from taskschema_robot.drivers.driver import ArmState, GripperState, Source
 from taskschema_robot.errors import EffectTimeoutError, NotConnectedError, NotReadyError
-from taskschema_robot.sawyer_interface import BUTTON_PRESSED
+from taskschema_robot.sawyer_interface import BUTTON_PRESSED, LONGEST_SILENCE
 
 CHILD = Path(__file__).with_name("child.py")
 START_SECONDS = 60.0
@@ -77,14 +77,27 @@ class PyrobotArm:
             raise NotConnectedError(
                 f"{self.name}: PyRobot does not come up: see its messages above, and check ROS_MASTER_URI."
             )
+        if not self._wait_for(lambda: not self._missing() or not self.connected, EFFECT_SECONDS):
+            missing = ", ".join(self._missing())
+            self.close()
+            raise NotConnectedError(f"{self.name}: nothing comes from {missing}: is the robot up?")
+
+    def _missing(self) -> list[str]:
+        """Return the sources that have said nothing yet."""
+        ages: dict[str, float | None] = {} if self._newest is None else self._newest[1]["ages"]
+        return [topic for topic, age in ages.items() if age is None]
 
     def _read(self, process: "subprocess.Popen[bytes]") -> None:
         for line in process.stdout or ():
             message = msgspec.json.decode(line, type=dict)
-            if self._newest is None or message["stamp"] != self._newest[1]["stamp"]:
-                self._newest = (self._clock.now(), message)
-            else:
-                self._newest = (self._newest[0], message)
+            now = self._clock.now()
+            message["sources"] = tuple(
+                Source(topic, now - age, LONGEST_SILENCE[topic])
+                for topic, age in message["ages"].items()
+                if age is not None
+            )
+            known = self._newest is not None and message["stamp"] == self._newest[1]["stamp"]
+            self._newest = (self._newest[0] if known and self._newest is not None else now, message)
 
     def state(self) -> ArmState:
         """Return the newest state; see `ArmDriver`."""
@@ -110,6 +123,7 @@ class PyrobotArm:
                 gripping=message["gripping"],
                 error=message["gripper_error"],
             ),
+            sources=message["sources"],
         )
 
     def command(self, positions: FloatArray) -> None:

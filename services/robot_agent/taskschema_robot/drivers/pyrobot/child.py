@@ -13,6 +13,13 @@ import time
 
 PERIOD = 0.01
 """Between two states [s]."""
+SOURCES = (
+    "/robot/limb/right/endpoint_state",
+    "/robot/limb/right/collision_detection_state",
+    "/robot/state",
+    "/io/end_effector/right_gripper/state",
+)
+"""Topics whose last word PyRobot and the SDK repeat for ever, without saying how old it is."""
 
 
 class Arm:
@@ -32,9 +39,20 @@ class Arm:
         self._acknowledged = 0
         # PyRobot keeps the angles of a joint state but not its time, without which a frozen one looks fresh.
         rospy.Subscriber("/robot/joint_states", JointState, self._joint_states)
+        self._heard = dict.fromkeys(SOURCES)
+        for topic in SOURCES:
+            rospy.Subscriber(topic, rospy.AnyMsg, self._hear, callback_args=topic)
 
     def _joint_states(self, message: object) -> None:
         self._stamp = message.header.stamp.to_sec()  # type: ignore[attr-defined]
+
+    def _hear(self, message: object, topic: str) -> None:
+        self._heard[topic] = time.monotonic()
+
+    def _ages(self) -> "dict[str, object]":
+        """Return for how long each source has been silent [s]; None: it has said nothing yet."""
+        now = time.monotonic()
+        return {topic: None if heard is None else now - heard for topic, heard in self._heard.items()}
 
     def state(self) -> "dict[str, object]":
         """Return what the arm says of itself."""
@@ -42,6 +60,7 @@ class Arm:
         effort = self._limb.endpoint_effort()
         return {
             "stamp": self._stamp,
+            "ages": self._ages(),
             "positions": list(arm.get_joint_angles()),
             "velocities": list(arm.get_joint_velocities()),
             "efforts": list(arm.get_joint_torques()),

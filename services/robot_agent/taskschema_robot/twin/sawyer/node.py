@@ -48,6 +48,7 @@ class SawyerNode:
         self.collision = False
         self.frozen = False
         """Whether the joint states stand still although the robot goes on: a fault that can be set."""
+        self._silent: set[str] = set()
         self._graph = graph
         self._now = now
         self._stamp = stamp
@@ -75,6 +76,10 @@ class SawyerNode:
             graph.subscribe(topic, interface.TYPES[topic], listener)
         graph.publish(interface.END_EFFECTOR_CONFIGURATION, self.gripper.node_configuration(stamp()))
         graph.publish(interface.GRIPPER_CONFIGURATION, self.gripper.device_configuration(stamp()))
+
+    def silence(self, topic: str, *, active: bool) -> None:
+        """Say nothing any more at a topic, or again: a fault that can be set."""
+        (self._silent.add if active else self._silent.discard)(topic)
 
     def advance(self, seconds: float) -> None:
         """Run the joint controller for one physics step."""
@@ -106,9 +111,10 @@ class SawyerNode:
             self._graph.publish_lazily(
                 interface.JOINT_STATES, lambda number: _joint_states(measured, _header(stamp, number))
             )
-            self._graph.publish_lazily(
-                interface.ENDPOINT_STATE, lambda number: _endpoint_state(measured, _header(stamp, number))
-            )
+            if interface.ENDPOINT_STATE not in self._silent:
+                self._graph.publish_lazily(
+                    interface.ENDPOINT_STATE, lambda number: _endpoint_state(measured, _header(stamp, number))
+                )
         state = self.assembly.message()
         slow = now >= self._next_state
         if slow:
@@ -116,7 +122,8 @@ class SawyerNode:
         if slow or state != self._published_state:
             self._published_state = state
             self._graph.publish(interface.ROBOT_STATE, dict(state))
-        if slow or self.collision != self._published_collision:
+        changed = slow or self.collision != self._published_collision
+        if changed and interface.COLLISION_STATE not in self._silent:
             self._published_collision = self.collision
             message = {"header": _header(self._stamp()), "collision_state": self.collision}
             self._graph.publish(interface.COLLISION_STATE, message)

@@ -1,0 +1,222 @@
+"""Hold-to-run: what counts as held, what waits for it, and the whole agent at a terminal."""
+
+import os
+import pty
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from agent_setup import CONFIG, TASK, open_round
+from bus_setup import Run, gather
+from motions import straight
+from recording_arms import HOME, TestBench
+
+from taskschema.bus.learner_life import LearnerLife
+from taskschema.kinematics.sawyer import rethink_gripper
+from taskschema.safety.limits import SafetyLimits
+from taskschema.safety.motion import Motion
+from taskschema_robot.agent.attended_arms import AttendedArms
+from taskschema_robot.agent.episode import EpisodeRunner
+from taskschema_robot.agent.world import EpisodeDroppedError
+from taskschema_robot.safety.fault import FaultError, FaultKind
+from taskschema_robot.safety.hold_to_run import HoldToRun
+
+REPEAT_SECONDS = 0.03
+"""Of a terminal's held key."""
+
+
+def pressed(held: HoldToRun, now: list[float], *gaps: float) -> HoldToRun:
+    for gap in gaps:
+        now[0] += gap
+        assert held.take("h")
+    return held
+
+
+@pytest.mark.parametrize(
+    ("gaps", "silence", "expected"),
+    [
+        ((0.0,), 0.0, False),  # one press may be let go at once
+        ((0.0, 0.5), 0.1, True),
+        ((0.0, 0.5, 0.03, 0.03), 0.25, False),  # let go
+        ((0.0, 1.0), 0.0, False),  # two presses, no repeat
+    ],
+)
+def test_held_is_what_keeps_coming(gaps, silence, expected):
+    now = [10.0]
+    held = pressed(HoldToRun(lambda: now[0]), now, *gaps)
+    now[0] += silence
+    assert held.held is expected
+    fault = held.fault(0.0)
+    assert (fault is None) is expected
+    assert expected or fault.kind is FaultKind.REQUESTED
+
+
+@pytest.mark.parametrize("key", "pudqyn\nx")
+def test_keys_with_a_meaning_are_not_the_one_to_hold(key):
+    held = HoldToRun(lambda: 0.0)
+    assert not any(held.take(key) for _ in range(5))
+    assert not held.held
+
+
+class Attended:
+    """Arms that need a key, which a person holds down some time after they are asked."""
+
+    def __init__(self, after: float = 0.05, patience: float = 5.0) -> None:
+        self.asked = 0
+        self.held = False
+        self.bench = TestBench()
+        self._after = after
+        self.arms = AttendedArms(self.bench.gate, lambda: self.held, self._ask, patience)
+
+    def _ask(self) -> None:
+        self.asked += 1
+        assert not self.bench.sent, "it moved before"
+        threading.Timer(self._after, lambda: setattr(self, "held", True)).start()
+
+
+def test_a_motion_waits_for_the_key_without_a_fault():
+    attended = Attended()
+    assert attended.arms.execute(straight(HOME, HOME + 0.01)) is None
+    assert attended.asked == 1
+    assert attended.bench.sent
+    assert attended.bench.faults == []
+
+
+def test_what_is_refused_needs_no_key():
+    attended = Attended()
+    assert attended.arms.execute(straight(HOME + 0.5, HOME)) is not None
+    assert attended.asked == 0
+
+
+def test_nobody_there_drops_the_episode_and_latches_nothing():
+    attended = Attended(after=60.0, patience=0.1)
+    with pytest.raises(EpisodeDroppedError, match="hold-to-run key within"):
+        attended.arms.execute(straight(HOME, HOME + 0.01))
+    assert attended.bench.faults == []
+    assert attended.bench.sent == 0
+
+
+def test_a_stop_ends_the_waiting():
+    attended = Attended(after=60.0, patience=60.0)
+    threading.Timer(0.1, lambda: attended.arms.stop("the stop key")).start()
+    with pytest.raises(FaultError, match="the stop key"):
+        attended.arms.execute(straight(HOME, HOME + 0.01))
+
+
+def test_what_a_dropped_episode_holds_is_put_down_before_the_next_one_begins():
+    """A person says no to the last plan while both hands carry the bar: they must not open in the air."""
+    bench = TestBench()
+    runner = EpisodeRunner(TASK, np.ones(3), bench.gate, None, bench.clock, SafetyLimits())
+    closed = np.full(2, rethink_gripper().closed)
+    bench.gate.execute(Motion(np.repeat(HOME[:, None], 2, axis=1), np.repeat(closed[:, None], 2, 1), 0.01))
+    runner._planner.hands.opening = closed
+    runner._planner.hands.closed_at = [0.1, 0.1]
+    opened: list[float] = []
+    set_gripper = bench.arms[0].set_gripper
+
+    def note(opening: float) -> None:
+        if opening > rethink_gripper().closed:
+            opened.append(float(_height(bench)))
+        set_gripper(opening)
+
+    bench.arms[0].set_gripper = note
+    with pytest.raises(AttributeError):  # there is no world to go on in
+        runner.run(None, None)
+    assert opened[0] == pytest.approx(0.1, abs=0.01)
+
+
+def _height(bench: TestBench) -> float:
+    from taskschema.kinematics.sawyer import sawyer_pair
+
+    return sawyer_pair()[0].forward(bench.positions()[:1])[0][0, 2]
+
+
+class PersonAtTerminal:
+    """Runs the agent at a real terminal and does what it asks for: typed answers, and a key held down."""
+
+    def __init__(self, command: list[str]) -> None:
+        self._leader, follower = pty.openpty()
+        self.text = ""
+        self.stop_once = True
+        self.asked: list[str] = []
+        self._holding = False
+        self.process = subprocess.Popen(command, stdin=follower, stdout=follower, stderr=follower)
+        os.close(follower)
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._hand = threading.Thread(target=self._hold, daemon=True)
+        self._reader.start()
+        self._hand.start()
+
+    def _read(self) -> None:
+        fresh = ""
+        with suppress(OSError):
+            while data := os.read(self._leader, 4096):
+                fresh += data.decode(errors="replace")
+                self.text += data.decode(errors="replace")
+                fresh = self._react(fresh)
+
+    def _react(self, fresh: str) -> str:
+        """Answer the first thing that is asked; return what was printed after it."""
+        answers = {"Enter to go on": "\n", "Your name, to acknowledge: ": "Ada\n", "Hold h down": ""}
+        found = [(fresh.find(words), words) for words in answers if words in fresh]
+        if not found:
+            return fresh
+        place, words = min(found)
+        self.asked.append(words)
+        self._holding = words == "Hold h down"
+        if not self._holding:
+            time.sleep(0.1)  # a person reads first, and lets go of the key
+            os.write(self._leader, answers[words].encode())
+        return fresh[place + len(words) :]
+
+    def _hold(self) -> None:
+        with suppress(OSError):
+            while self.process.poll() is None:
+                if self._holding:
+                    os.write(self._leader, b"h")
+                    if self.stop_once and len(self.asked) > 3:
+                        self.stop_once = False
+                        os.write(self._leader, b"h ")
+                time.sleep(REPEAT_SECONDS)
+
+    def close(self) -> None:
+        self._holding = False
+        self.process.terminate()
+        try:
+            self.process.wait(30)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        os.close(self._leader)
+
+
+def test_preview_and_hold_to_run_together_at_a_terminal(shared_redis, tmp_path):
+    """Plans are looked at, the key is held, the arms move; a stop, its acknowledgement, the way home."""
+    with Run(shared_redis.url, CONFIG) as run:
+        learner, _ = open_round(run)
+        command = [
+            sys.executable,
+            "-c",
+            "from taskschema_robot.cli.main import main; main()",
+            "run",
+            run.name,
+        ]
+        command += [run.name, "--object", "heavy-bar", "--redis", run.url, "--twin", "own", "--see", "truth"]
+        command += ["--folder", str(tmp_path), "--stop-port", "0", "--rate", "50", "--speed-ratio", "1.0"]
+        person = PersonAtTerminal([*command, "--preview", "--hold-to-run"])
+        try:
+            with LearnerLife(learner):
+                results = gather(learner, 1, seconds=600.0)
+        except AssertionError:
+            raise AssertionError(person.text[-3000:]) from None
+        finally:
+            person.close()
+    assert len(results[0].trajectories[0]) == TASK.horizon
+    assert person.asked.count("Enter to go on") >= TASK.horizon
+    log = (tmp_path / run.name / "agent.log").read_text()
+    assert "Ada acknowledged: the stop key" in log
+    assert "the hold-to-run key is not held" not in log
