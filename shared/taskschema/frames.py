@@ -28,7 +28,7 @@ def check_frames(frames: AnyArray) -> None:
         raise FrameError(f"a frame has shape {frames.shape[1:]}, expected {FRAME_SHAPE}: rows, columns, RGB")
     for index, frame in enumerate(frames):
         if frame.max() < BLACK:
-            raise FrameError(f"frame {index} is black: is the camera covered, or the light off?")
+            raise FrameError(f"frame {index} is black: the camera is covered, or the light is off")
 
 
 def check_alive(first_frames: AnyArray) -> None:

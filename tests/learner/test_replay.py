@@ -12,13 +12,18 @@ import pytest
 from PIL import Image
 from rendering_setup import needs_renderer, renders
 
+from taskschema.config import RunConfig
 from taskschema.errors import RenderingError
+from taskschema.policies import PolicySnapshot
 from taskschema.randomness import EpisodeKey, Purpose, generator
+from taskschema.schema import SchemaView, one_hot_logits
 from taskschema.tasks.registry import get_task
+from taskschema_learner.initial_weights import initial_spatial_weights
 from taskschema_learner.replay.captions import Captions
 from taskschema_learner.replay.film import write_film
-from taskschema_learner.replay.recorded_episodes import expert_episodes, scene_of
+from taskschema_learner.replay.recorded_episodes import expert_episodes, run_episodes, scene_of
 from taskschema_learner.replay.replay import Look, draw_episodes
+from taskschema_learner.run_folder import RunFolder
 from taskschema_worker.audit.episodes import expert, run_schema
 from taskschema_worker.scene_environment import SceneEnvironment
 
@@ -132,6 +137,42 @@ def test_a_trained_run_is_shown_and_bad_input_is_one_line(tmp_path):
         assert result.returncode == 1
         assert words in result.stderr
         assert len(result.stderr.splitlines()) == 1
+
+
+@pytest.fixture
+def image_run(tmp_path):
+    """Return a run on images whose response maps differ from cell to cell."""
+    config = RunConfig(task="lateral-lifting", observation="image")
+    task, rng = get_task("lateral-lifting"), np.random.default_rng(0)
+    weights = initial_spatial_weights(rng, config, task)
+    weights["maps.weight"] = rng.normal(0.0, 0.1, weights["maps.weight"].shape).astype(np.float32)
+    logits = one_hot_logits(task.paper_pairs, task.horizon, len(task.pairs))
+    folder = RunFolder.create(tmp_path / "images", config)
+    folder.write_policy(PolicySnapshot(1, weights, logits).to_bytes())
+    view = SchemaView(task.pairs, logits)
+    about = {"run": "images", "task": task.name, "version": 1, "used_steps": None}
+    folder.write_schema(view.document(**about, updated_at="2020-01-01T00:00:00"))
+    return folder
+
+
+@needs_renderer
+def test_a_run_on_images_is_shown_from_above_with_its_response_maps(image_run, tmp_path):
+    film = tmp_path / "film.png"
+    size = ["--width", "120", "--height", "120"]
+    command = [COMMAND, "replay", image_run.path, "--camera", "overhead", "--episodes", "1", "--step", "1"]
+    made = subprocess.run([*command, *size, "--out", film], capture_output=True, text=True, timeout=200)
+    assert made.returncode == 0, made.stderr
+    task = get_task("lateral-lifting")
+    look = Look("overhead", 120, 120, step=1)
+    title = "images, policy version 1"
+    plain = list(draw_episodes(task, run_episodes(image_run, 1, mean=True), 25.0, look, title))[-1]
+    shown = np.asarray(Image.open(film).convert("RGB"))
+    differs = (shown != plain).any(axis=2)
+    # 120 pixels show 0.8 m; the maps cover +-0.18 m: 27 pixels on each side of the middle
+    inside = np.zeros((120, 120), dtype=bool)
+    inside[33:87, 33:87] = True
+    assert not (differs & ~inside).any()
+    assert differs[inside].mean() > 0.25
 
 
 def test_a_task_without_a_scene_cannot_be_shown(tmp_path):

@@ -93,6 +93,33 @@ def test_bad_header(run: Run, learner: LearnerBus, name: str) -> None:
     check_refused(run, learner, kind)
 
 
+def test_slot_that_its_worker_could_not_see(run: Run, learner: LearnerBus) -> None:
+    run.send(msgspec.structs.replace(run.header(3, SNAPSHOT), bad_frame="frame 0 is black"), b"")
+    check_refused(run, learner, "bad_frame")
+    run.send(msgspec.structs.replace(run.header(3, SNAPSHOT), bad_frame="frame 1 is black"), b"")
+    assert learner.results(1.0) == []
+    assert run.open_slots() == [], "somebody else has delivered it: it is not run again"
+
+
+def test_what_is_wrong_with_a_frame_is_one_short_line(run: Run, learner: LearnerBus) -> None:
+    for words in ("two\nlines", "a line's end\n", "x" * 501):
+        run.send(msgspec.structs.replace(run.header(3, SNAPSHOT), bad_frame=words), b"")
+    assert learner.results(1.0) == []
+    assert run.records.quarantine_counts(run.name) == {"malformed": 3}
+
+
+def test_whoever_goes_on_after_the_third_refusal_starts_to_count_again(run: Run, learner: LearnerBus) -> None:
+    for _ in range(3):
+        for slot in (5, 6):
+            run.send(msgspec.structs.replace(run.header(slot, SNAPSHOT), bad_frame="it is black"), b"")
+    with pytest.raises(QuarantineLimitError, match=r"Slot 5 .* 3 times.*it is black\. Mend the"):
+        learner.results(1.0)
+    successor = run.learner()
+    successor.open_round(2, SNAPSHOT, range(8))
+    assert deliver(run.worker()) == list(range(8))
+    assert len(gather(successor, 8)) == 8
+
+
 @pytest.mark.parametrize("header", [b"", b"{}", b"[1]", b"\xff\xfe", b'{"round":' * 400, b"null"])
 def test_header_that_is_none(run: Run, learner: LearnerBus, header: bytes) -> None:
     run.send(header, GOOD)
@@ -220,7 +247,7 @@ anything = st.recursive(
     header=st.binary(max_size=200)
     | st.builds(
         lambda name, value: msgspec.json.encode(HEADER_TEXT | {name: value}),
-        st.sampled_from([*HEADER_TEXT, "extra"]),
+        st.sampled_from([*HEADER_TEXT, "bad_frame", "extra"]),
         anything,
     ),
     data=st.binary(max_size=200) | st.just(GOOD),

@@ -14,11 +14,12 @@ import taskschema_worker  # noqa: F401 - registers the environments
 from taskschema.errors import ConfigError, FrameError, UnknownNameError
 from taskschema.frames import FRAME_SIZE, check_alive, check_colour_order, check_frames
 from taskschema.policies import ImagePolicy, PolicySnapshot
+from taskschema.policies.spatial_layout import SpatialLayout
 from taskschema.randomness import EpisodeKey, Purpose, generator
 from taskschema.tasks.lateral_lifting import LateralLifting
 from taskschema.tasks.registry import get_task
 from taskschema.tasks.table_arguments import offset_arguments
-from taskschema.trajectory import encode_slot
+from taskschema.trajectory import Trajectory, TrajectoryFormat, decode_slot, encode_slot
 from taskschema_learner.initial_weights import initial_spatial_weights
 from taskschema_worker.environments import make_environment
 from taskschema_worker.image_environment import ImageEnvironment
@@ -62,6 +63,22 @@ def test_a_toy_episode_is_the_same_seen_from_above():
         found = image.step(episodes, pairs, expert)
         assert np.array_equal(found.success, expected.success)
         assert found.success.all() == (step == 1)
+
+
+def test_equal_frames_within_an_episode_are_honest():
+    """Here both hands miss: they are no sign of a frozen camera, and pass the wire."""
+    environment = make_environment(TOY, observation="image")
+    first, pairs = environment.reset(resets(2)), np.full(2, TOY.pairs.index("reach", "reach"))
+    result = environment.step(np.arange(2), pairs, np.full((2, TOY.image_pairs.argument_count), 1.0))
+    assert np.array_equal(result.observations, first)
+    common = {"round": 0, "slot": 0, "success": False, "pairs": np.repeat(pairs[:1], 3)}
+    raw = np.zeros((3, SpatialLayout(TOY.image_pairs).size), dtype=np.float32)
+    episodes = [
+        Trajectory(episode=index, observations=np.stack([frame] * 3), arguments=raw, **common)
+        for index, frame in enumerate(first)
+    ]
+    config = image_config(episodes_per_slot=2)
+    assert len(decode_slot(encode_slot(episodes), TrajectoryFormat.of(TOY, config))) == 2
 
 
 class Broken:

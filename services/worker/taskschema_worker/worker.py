@@ -5,8 +5,8 @@ import threading
 
 from taskschema.bus.lease import Lease
 from taskschema.bus.worker_bus import WorkerBus
-from taskschema.errors import BusError
-from taskschema.policies import policy_of
+from taskschema.errors import BusError, FrameError
+from taskschema.policies import ActingPolicy, policy_of
 from taskschema.tasks.registry import task_of
 from taskschema.trajectory import Trajectory
 from taskschema_worker.environments import environment_of
@@ -34,6 +34,7 @@ class Worker:
         self._task = task_of(self._config)
         self._environment = environment_of(self._config, self._task, threads)
         self._undelivered: list[tuple[Lease, list[Trajectory]]] = []
+        self._unseen: list[tuple[Lease, str]] = []
 
     def run(self, stop: threading.Event) -> None:
         """Run slots until `stop` is set; waits for a Redis that is away and then goes on.
@@ -58,25 +59,42 @@ class Worker:
 
         What could not be delivered because Redis was away is delivered first, next time.
         """
-        self._bus.submit(self._undelivered)
+        self._deliver()
         leases = self._bus.lease(block_ms)
-        if not leases:
-            return 0
-        policy = policy_of(self._config, self._task, self._bus.policy(leases[0]))
-        trajectories = collect_slots(
-            self._environment,
-            policy,
-            seed=self._config.seed,
-            round_index=leases[0].item.round,
-            slots=[lease.item.slot for lease in leases],
-            episodes_per_slot=self._config.episodes_per_slot,
-            horizon=self._task.horizon,
-        )
-        self._undelivered = list(zip(leases, trajectories, strict=True))
-        self._bus.submit(self._undelivered)
-        slots = [lease.item.slot for lease in leases]
-        log.info("Delivered %d slots", len(slots), extra={"round": leases[0].item.round, "slots": slots})
+        if leases:
+            self._collect(leases, policy_of(self._config, self._task, self._bus.policy(leases[0])))
+            self._deliver()
         return len(leases)
+
+    def _collect(self, leases: list[Lease], policy: ActingPolicy) -> None:
+        """Run slots as one batch; if a frame is bad, each by itself, to refuse only those that show it."""
+        try:
+            trajectories = collect_slots(
+                self._environment,
+                policy,
+                seed=self._config.seed,
+                round_index=leases[0].item.round,
+                slots=[lease.item.slot for lease in leases],
+                episodes_per_slot=self._config.episodes_per_slot,
+                horizon=self._task.horizon,
+            )
+        except FrameError as error:
+            if len(leases) == 1:
+                self._unseen.append((leases[0], str(error)))
+            else:
+                for lease in leases:
+                    self._collect([lease], policy)
+        else:
+            self._undelivered += zip(leases, trajectories, strict=True)
+
+    def _deliver(self) -> None:
+        for lease, reason in self._unseen:
+            log.warning("Slot %d cannot be run: %s", lease.item.slot, reason, extra=_about([lease]))
+        self._bus.refuse(self._unseen)
+        leases = [lease for lease, _ in self._undelivered]
+        self._bus.submit(self._undelivered)
+        if leases:
+            log.info("Delivered %d slots", len(leases), extra=_about(leases))
 
     def close(self) -> None:
         """Leave the run and free the environment."""
@@ -85,3 +103,8 @@ class Worker:
         except BusError as error:
             log.warning("%s The leases expire by themselves.", error)
         self._environment.close()
+
+
+def _about(leases: list[Lease]) -> dict[str, object]:
+    """Return what a line of the log says about slots."""
+    return {"round": leases[0].item.round, "slots": [lease.item.slot for lease in leases]}

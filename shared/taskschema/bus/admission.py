@@ -86,9 +86,11 @@ class Admission:
             raise RefusedError(f"round {self.round} has no slot {header.slot}", "unknown_slot")
         data = fields[DATA]
         digest = hashlib.sha256(data).hexdigest()
+        lost = None if header.slot in self._digests else header.slot
         if header.policy_sha256 != self.policy_sha256:
-            lost = None if header.slot in self._digests else header.slot
             raise RefusedError("computed with another policy", "foreign_policy", lost)
+        if header.bad_frame:
+            raise RefusedError(header.bad_frame, "bad_frame", lost)
         if header.slot in self._digests:
             same = digest == self._digests[header.slot]
             raise RefusedError("the slot is there already", "duplicate" if same else "different_duplicate")

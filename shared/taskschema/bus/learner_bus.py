@@ -204,7 +204,7 @@ class LearnerBus:
         while (lost := self._offer_missing()) is None:
             refusals += self._read(block_ms=None)[1]
         known = {error.slot for error in refusals}
-        reason = str(refusals[-1]) if refusals else "its result got lost"
+        reason = refusals[-1] if refusals else RefusedError("its result got lost", "lost")
         for slot in lost:
             if slot not in known:  # its result was refused for a header that did not even name it
                 self._quarantine.charge(slot, reason, self._door.round)

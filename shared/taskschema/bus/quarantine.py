@@ -15,6 +15,9 @@ MOST_REFUSALS = 3
 KEPT_MESSAGES = 1_000
 """At least this many refused messages are kept; of each, the first `KEPT_BYTES` of header and data."""
 KEPT_BYTES = 4_096
+ADVICE = {"bad_frame": "Mend the workers' camera, or what draws its frames (`taskschema doctor` there)"}
+"""What to do before the run can go on, by kind of refusal."""
+USUAL_ADVICE = "Run the same version of taskschema everywhere"
 
 Fenced = Callable[[Callable[[Any], None]], None]
 """Runs a transaction that only the newest learner may make."""
@@ -48,10 +51,10 @@ class Quarantine:
 
         self._fenced(plan)
         if error.slot is not None:
-            self.charge(error.slot, str(error), round_index)
+            self.charge(error.slot, error, round_index)
 
-    def charge(self, slot: int, reason: str, round_index: int) -> None:
-        """Count that a slot has to be run again.
+    def charge(self, slot: int, error: RefusedError, round_index: int) -> None:
+        """Count that a slot has to be run again, because of a refusal that may not even have named it.
 
         Raises:
             QuarantineLimitError: if this is the third time.
@@ -64,11 +67,14 @@ class Quarantine:
             nonlocal count
             count = int(pipe.hget(self._keys.refusals, field) or 0) + 1
             pipe.multi()
-            pipe.hset(self._keys.refusals, field, count)
+            if count < MOST_REFUSALS:
+                pipe.hset(self._keys.refusals, field, count)
+            else:  # whoever goes on has mended it, and what other slots were refused for, too
+                pipe.delete(self._keys.refusals)
 
         self._fenced(plan)
         if count >= MOST_REFUSALS:
             raise QuarantineLimitError(
                 f"Slot {slot} of round {round_index} was refused {count} times, the last time because of: "
-                f"{reason}. Run the same version of taskschema everywhere, then --resume."
+                f"{error}. {ADVICE.get(error.kind, USUAL_ADVICE)}, then --resume."
             )

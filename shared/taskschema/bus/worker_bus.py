@@ -270,12 +270,31 @@ class WorkerBus:
                         observe(pipe, self._keys.leases, LEASE, time.monotonic() - leased_at, count)
                 pipe.execute()
             del results[:SLOTS_PER_TRANSACTION]
-            for lease, _ in part:
-                self._held.pop(lease.entry_id, None)
-            episodes = sum(len(trajectories) for _, trajectories in part)
-            self._beating.release([lease.entry_id for lease, _ in part], episodes)
+            self._release([lease for lease, _ in part], sum(len(trajectories) for _, trajectories in part))
 
-    def _header(self, lease: Lease) -> bytes:
+    @bus_errors()
+    def refuse(self, slots: list[tuple[Lease, str]]) -> None:
+        """Say for slots what is wrong with the camera's frame, and end their leases.
+
+        The learner offers them again, and stops the run at the third time. What is said is taken out of
+        `slots`, so that the rest can be tried again.
+        """
+        while slots:
+            lease, bad_frame = slots[0]
+            with self._client.pipeline(transaction=True) as pipe:
+                pipe.xadd(self._keys.trajectories, {HEADER: self._header(lease, bad_frame), DATA: b""})
+                pipe.xack(self._keys.work, GROUP, lease.entry_id)
+                pipe.execute()
+            del slots[0]
+            self._release([lease], episodes=0)
+
+    def _release(self, leases: list[Lease], episodes: int) -> None:
+        """Forget leases that are over, for which so many episodes were delivered."""
+        for lease in leases:
+            self._held.pop(lease.entry_id, None)
+        self._beating.release([lease.entry_id for lease in leases], episodes)
+
+    def _header(self, lease: Lease, bad_frame: str = "") -> bytes:
         header = SlotHeader(
             protocol=PROTOCOL_VERSION,
             config_hash=self.join().config_hash,
@@ -283,5 +302,6 @@ class WorkerBus:
             slot=lease.item.slot,
             policy_sha256=lease.item.policy_sha256,
             worker=self._worker_id,
+            bad_frame=bad_frame,
         )
         return msgspec.json.encode(header)
