@@ -36,12 +36,40 @@ class Parts(msgspec.Struct, frozen=True):
     """Size of a slot's message."""
 
 
+class Presence(msgspec.Struct, frozen=True):
+    """What workers cost that are merely there, and what their number costs the learner."""
+
+    beat_seconds: float
+    """Redis's processor time of a sign of life [s]; each worker gives one a second."""
+    ask_seconds: dict[int, float]
+    """Redis's processor time of a question for work, by the number of workers [s]."""
+    ask_bytes: dict[int, float]
+    """What it answers [bytes]."""
+    policy_bytes: int
+    """Size of a policy, which every worker fetches once a round."""
+    learner_bytes: dict[int, int]
+    """Memory that a learner has needed at most, by slots a round [bytes]."""
+
+
+class Containers(msgspec.Struct, frozen=True):
+    """What worker containers hold, as `tests.compose.many_workers` measures them."""
+
+    workers: int
+    """Containers, each a Ray node with one actor."""
+    worker_bytes: float
+    """The largest one [bytes]."""
+    head_bytes: float
+    """Ray's head, which knows all of them [bytes]."""
+
+
 class Growth(msgspec.Struct, frozen=True):
     """Everything measured."""
 
     machine: str
     counts: tuple[WorkerCount, ...] = ()
     parts: Parts | None = None
+    presence: Presence | None = None
+    containers: Containers | None = None
 
 
 class Cluster(msgspec.Struct, frozen=True):

@@ -70,6 +70,11 @@ def _rollout_seconds(repeats: int, batches: tuple[int, ...]) -> tuple[dict[int, 
     return {size: median(seconds) for size, seconds in samples.items()}, sample
 
 
+def sample_message() -> bytes:
+    """Return the message of one slot that a worker has run."""
+    return encode_slot(_rollout_seconds(1, BATCHES[:1])[1])
+
+
 def _as_slot(sample: list[Trajectory], slot: int) -> list[Trajectory]:
     return [dataclasses.replace(item, slot=slot) for item in sample]
 

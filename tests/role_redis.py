@@ -64,8 +64,9 @@ def role_redis(folder: Path, certificates: Certificates | None = None) -> Iterat
     """
     program, protects_keys = server_program()
     template = (DEPLOY / "users.acl.template").read_text()
-    if not protects_keys:  # 6.2 knows no rules for reading alone
+    if not protects_keys:  # 6.2 knows no rules for reading alone, and none of a command with keys of its own
         template = template.replace("%R~", "~").replace("%W~", "~")
+        template = re.sub(r"\((\S+) -@all (\S+)\)", r"\1 \2", template)
     (folder / "template").write_text(template)
     (folder / "data").mkdir(exist_ok=True)
     passwords = {role: secrets.token_hex(16) for role in ROLES}

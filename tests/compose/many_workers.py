@@ -2,7 +2,8 @@
 
 Builds, brings the stack up with one worker, scales to N, waits until N workers live and rounds pass, measures
 what the containers hold, and compares the run's hash with that of the same run embedded. It leaves nothing
-behind, and needs some 0.35 GiB of memory a worker.
+behind, and needs some 0.35 GiB of memory a worker. With `--write` what the containers hold goes to
+bench/growth.json, for docs/scale.md.
 """
 
 import argparse
@@ -11,6 +12,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from bench import growth
 from tests.compose.comparison import embedded_hash, finish
 from tests.compose.engine import SkippedError, compose_command
 from tests.compose.stack import PROFILES, RUN, Stack
@@ -24,7 +26,8 @@ def main() -> int:
     """Measure, and return the exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("workers", type=int, help="how many containers")
-    workers = parser.parse_args().workers
+    parser.add_argument("--write", action="store_true", help="keep what they hold in bench/growth.json")
+    options = parser.parse_args()
     try:
         compose = compose_command()
     except SkippedError as reason:
@@ -34,14 +37,17 @@ def main() -> int:
         stack = Stack(compose, Path(folder), TASK, PATIENCE_SECONDS)
         stack.clean()
         try:
-            print(f"many-workers: {measure(stack, workers)}")
+            line, containers = measure(stack, options.workers)
         finally:
             stack.clean()
+    if options.write:
+        growth.write(containers=containers)
+    print(f"many-workers: {line}")
     return 0
 
 
-def measure(stack: Stack, workers: int) -> str:
-    """Run so many workers and return what was measured, on one line."""
+def measure(stack: Stack, workers: int) -> tuple[str, growth.Containers]:
+    """Run so many workers; return what was measured, on one line, and what their containers hold."""
     stack.compose(*PROFILES, "build")
     stack.compose("up", "-d", "--no-build", "--scale", "worker=1")
     stack.wait(lambda: stack.version() >= 0, f"run {RUN}")
@@ -62,13 +68,14 @@ def measure(stack: Stack, workers: int) -> str:
     there = embedded_hash(stack, TASK, rounds)
     if here != there:
         raise AssertionError(f"the run's hash after {rounds} rounds is {here}, embedded it is {there}")
-    return (
+    line = (
         f"1 -> {workers} workers in {joined:.0f} s (their containers were made in {created:.0f} s); "
         f"a worker container holds {each[0] / 2**20:.0f} to {each[-1] / 2**20:.0f} MiB, "
         f"the head {head / 2**20:.0f}, all together "
         f"{sum(held.values()) / 2**30:.1f} GiB; {a_round:.1f} s a round; "
         f"hash {here[:12]} after {rounds} rounds equals the embedded run's"
     )
+    return line, growth.Containers(workers, worker_bytes=each[-1], head_bytes=head)
 
 
 def join(stack: Stack, workers: int, started: float) -> None:

@@ -79,13 +79,42 @@ def test_images_have_full_tags_and_their_own_dockerfile():
             assert each["image"] in [services()[other]["image"] for other in each["depends_on"]]
         elif name in OWN:
             assert (ROOT / each["build"]["dockerfile"]).exists()
-    for path in (ROOT / "deploy/docker").glob("*.Dockerfile"):
-        text = path.read_text()
-        assert re.search(r"^FROM \w+:\d+\.\d+\.\d+-\S+", text, re.MULTILINE), path
-        last_user = re.findall(r"^USER (\S+)", text, re.MULTILINE)[-1]
-        assert last_user == "10001:10001", path
-        if "pip install" in text:
-            assert text.index("pip install") < text.index("COPY shared/taskschema"), path
+
+
+def stages() -> dict[str, list[str]]:
+    """Return the instructions of each stage of each Dockerfile, those that it builds on first."""
+    found: dict[str, list[str]] = {}
+    for path in sorted((ROOT / "deploy/docker").glob("*.Dockerfile")):
+        here: dict[str, list[str]] = {}
+        text = path.read_text(encoding="utf-8").replace("\\\n", " ")
+        for part in re.split(r"^(?=FROM )", text, flags=re.MULTILINE)[1:]:
+            lines = [line for line in part.splitlines() if line and not line.startswith("#")]
+            match = re.fullmatch(r"FROM (\S+)(?: AS (\S+))?", lines[0])
+            assert match is not None, lines[0]
+            here[match[2] or "only"] = [*here.get(match[1], [lines[0]]), *lines[1:]]
+        found |= {f"{path.name.partition('.')[0]}: {name}": lines for name, lines in here.items()}
+    return found
+
+
+@pytest.mark.parametrize("stage", stages())
+def test_stages_have_full_tags_and_install_before_the_source_comes(stage):
+    """A change of the code installs nothing again."""
+    instructions = stages()[stage]
+    assert re.match(r"FROM \w+:\d+\.\d+\.\d+-\S+", instructions[0])
+    sources = [i for i, line in enumerate(instructions) if re.match(r"COPY (--from=source|shared/)", line)]
+    installing = [i for i, line in enumerate(instructions) if "pip install" in line]
+    assert not installing or not sources or max(installing) < min(sources)
+    if any(line.startswith("CMD") for line in instructions):
+        users = [line for line in instructions if line.startswith("USER")]
+        assert users[-1] == "USER 10001:10001"
+
+
+def test_every_image_of_a_service_is_a_stage_that_starts_something():
+    for name, each in services().items():
+        if "build" in each:
+            file = each["build"]["dockerfile"].rpartition("/")[2].partition(".")[0]
+            instructions = stages()[f"{file}: {each['build'].get('target', 'only')}"]
+            assert any(line.startswith("CMD") for line in instructions), name
 
 
 @pytest.mark.parametrize("command", [["docker", "compose"], ["docker-compose"]], ids=" ".join)

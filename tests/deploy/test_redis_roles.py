@@ -62,7 +62,6 @@ DENIED_TO_AGENTS = [
     ("SET", KEYS.fence, "7"),
     ("SET", KEYS.agent_kind, "robot"),
     ("SETNX", KEYS.fence, "7"),
-    ("HSET", KEYS.status, "state", "finished"),
     ("HSET", KEYS.schemas, "current", "{}"),
     ("XADD", KEYS.curve, "*", "row", "{}"),
     ("XADD", KEYS.quarantine, "*", "kind", "x"),
@@ -76,10 +75,17 @@ DENIED_TO_AGENTS = [
     ("XGROUP", "SETID", KEYS.work, "agents", "$"),
 ]
 READ_ONLY_TO_AGENTS = [
+    ("HSET", KEYS.status, "state", "finished"),
     ("HSET", KEYS.policy, "version", "99"),
     ("HSET", KEYS.config, "hash", "0"),
     ("HDEL", KEYS.policy, "data"),
 ]
+NOT_APPENDED_TO_BY_AGENTS = [
+    ("XADD", KEYS.work, "*", "item", "forged"),
+    ("XADD", KEYS.work, "MAXLEN", "0", "*", "item", "forged"),
+    ("XADD", KEYS.work, "MINID", "99999999999999", "*", "item", "forged"),
+]
+"""Work that nobody offered, and the loss of what is offered: they append to the trajectories alone."""
 DENIED_TO_API = [
     ("XADD", KEYS.work, "*", "item", "{}"),
     ("XADD", KEYS.trajectories, "*", "header", "{}"),
@@ -116,7 +122,7 @@ def test_agents_may_not(server: RoleRedis, role: str, words: tuple[str, ...]) ->
 
 
 @pytest.mark.parametrize("role", ["worker", "robot"])
-@pytest.mark.parametrize("words", READ_ONLY_TO_AGENTS, ids=" ".join)
+@pytest.mark.parametrize("words", [*READ_ONLY_TO_AGENTS, *NOT_APPENDED_TO_BY_AGENTS], ids=" ".join)
 def test_agents_only_read(server: RoleRedis, role: str, words: tuple[str, ...]) -> None:
     needs_version_7(server)
     check_denied(server.client(role), words)
