@@ -1,13 +1,11 @@
 """The `taskschema` command's entry point."""
 
-import sys
 from typing import Annotated
 
 import typer
 
 from taskschema import __version__
-from taskschema.bus.url import hide_password
-from taskschema.errors import TaskschemaError
+from taskschema.command_line import run_command
 from taskschema_learner.cli import (
     audit,
     catalogue,
@@ -58,21 +56,5 @@ def _options(
 
 
 def main() -> None:
-    """Run the command; an error that the user can mend is one line on stderr and exit status 1."""
-    hide_password()
-    arguments = sys.argv[1:]
-    debug = "--debug" in arguments
-    try:
-        app(args=[item for item in arguments if item != "--debug"], prog_name="taskschema")
-    except (TaskschemaError, OSError) as error:
-        if debug:
-            raise
-        print(f"Error: {_one_line(error)}", file=sys.stderr)
-        raise SystemExit(1) from None
-
-
-def _one_line(error: TaskschemaError | OSError) -> str:
-    if isinstance(error, OSError) and error.strerror:
-        place = f": {error.filename}" if error.filename else ""
-        return f"{error.strerror}{place}."
-    return " ".join(str(error).split())
+    """Run the command."""
+    run_command(app, "taskschema")

@@ -1,13 +1,11 @@
 """The `taskschema-robot` command's entry point."""
 
-import sys
 from typing import Annotated
 
 import typer
 
 from taskschema import __version__
-from taskschema.bus.url import hide_password
-from taskschema.errors import TaskschemaError
+from taskschema.command_line import run_command
 from taskschema_robot.cli import calibrate, check, fault, run, twin
 
 app = typer.Typer(
@@ -32,14 +30,5 @@ def _options(
 
 
 def main() -> None:
-    """Run the command; an error that the user can mend is one line on stderr and exit status 1."""
-    hide_password()
-    arguments = sys.argv[1:]
-    debug = "--debug" in arguments
-    try:
-        app(args=[item for item in arguments if item != "--debug"], prog_name="taskschema-robot")
-    except (TaskschemaError, OSError) as error:
-        if debug:
-            raise
-        print(f"Error: {' '.join(str(error).split())}", file=sys.stderr)
-        raise SystemExit(1) from None
+    """Run the command."""
+    run_command(app, "taskschema-robot")
