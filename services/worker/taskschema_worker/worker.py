@@ -1,7 +1,9 @@
 """A rollout worker: leases slots, runs them on the policy they ask for, delivers them."""
 
+import contextlib
 import logging
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 from taskschema.bus.lease import Lease
 from taskschema.bus.worker_bus import WorkerBus
@@ -18,6 +20,12 @@ BLOCK_MS = 1_000
 """An idle worker looks this often whether leases expired and whether it is to stop [ms]."""
 RETRY_SECONDS = 1.0
 """Time before the next try when Redis does not answer [s]."""
+SEEN_SLOTS = 8
+"""Slots on images that are run together: while their 19 MB travel, the next ones are simulated and drawn."""
+
+Finished = tuple[Lease, list[Trajectory]]
+Unseen = tuple[Lease, str]
+"""A slot that cannot be run, and what is wrong with its frame."""
 
 
 class Worker:
@@ -33,8 +41,8 @@ class Worker:
         self._config = bus.join()
         self._task = task_of(self._config)
         self._environment = environment_of(self._config, self._task, threads)
-        self._undelivered: list[tuple[Lease, list[Trajectory]]] = []
-        self._unseen: list[tuple[Lease, str]] = []
+        self._undelivered: list[Finished] = []
+        self._unseen: list[Unseen] = []
 
     def run(self, stop: threading.Event) -> None:
         """Run slots until `stop` is set; waits for a Redis that is away and then goes on.
@@ -62,11 +70,27 @@ class Worker:
         self._deliver()
         leases = self._bus.lease(block_ms)
         if leases:
-            self._collect(leases, policy_of(self._config, self._task, self._bus.policy(leases[0])))
+            self._run_parts(leases, policy_of(self._config, self._task, self._bus.policy(leases[0])))
             self._deliver()
         return len(leases)
 
-    def _collect(self, leases: list[Lease], policy: ActingPolicy) -> None:
+    def _run_parts(self, leases: list[Lease], policy: ActingPolicy) -> None:
+        """Run slots; on images part by part, each of which travels while the next is simulated and drawn.
+
+        The bus is the sender's until it is done. Of what it could not send nothing is lost: it stays with
+        what is finished, and is sent with the next part.
+        """
+        size = SEEN_SLOTS if self._config.observation == "image" else len(leases)
+        with ThreadPoolExecutor(1, "sender") as sender:
+            for start in range(0, len(leases), size):
+                sending = sender.submit(self._try_to_deliver) if start else None
+                finished, unseen = self._collect(leases[start : start + size], policy)
+                if sending is not None:
+                    sending.result()
+                self._undelivered += finished
+                self._unseen += unseen
+
+    def _collect(self, leases: list[Lease], policy: ActingPolicy) -> tuple[list[Finished], list[Unseen]]:
         """Run slots as one batch; if a frame is bad, each by itself, to refuse only those that show it."""
         try:
             trajectories = collect_slots(
@@ -80,12 +104,16 @@ class Worker:
             )
         except FrameError as error:
             if len(leases) == 1:
-                self._unseen.append((leases[0], str(error)))
-            else:
-                for lease in leases:
-                    self._collect([lease], policy)
-        else:
-            self._undelivered += zip(leases, trajectories, strict=True)
+                return [], [(leases[0], str(error))]
+            parts = [self._collect([lease], policy) for lease in leases]
+            return [item for finished, _ in parts for item in finished], [
+                item for _, unseen in parts for item in unseen
+            ]
+        return list(zip(leases, trajectories, strict=True)), []
+
+    def _try_to_deliver(self) -> None:
+        with contextlib.suppress(BusError):  # the next part's turn comes, and then the caller's
+            self._deliver()
 
     def _deliver(self) -> None:
         for lease, reason in self._unseen:
