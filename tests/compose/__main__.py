@@ -4,26 +4,41 @@ Brings the stack up from nothing, scales it 2 -> 6 -> 1, kills the learner and a
 service, takes it down and up again, and asks for the schema all the while. It is stopped while its learner
 is dead. In the end the run's hash must be
 that of the same run embedded in the learner's image. The robot's twin, agent and training run beside it for
-a while, and the stack's secrets are looked for wherever somebody may look. Needs a Docker engine; without one
-it says so.
+a while, and the stack's secrets are looked for wherever somebody may look. The commands of docs/deploy.md and
+docs/operate.md are typed as they stand there, a backup and its restoration among them. Needs a Docker engine;
+without one it says so.
 """
 
+import signal
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
+from types import FrameType
 
-from tests.compose.commands import ask_the_tools, press_the_emergency_stop
+from tests.compose.commands import ask_the_tools, back_up, press_the_emergency_stop, restore_and_upgrade
 from tests.compose.comparison import embedded_hash, finish
 from tests.compose.engine import SkippedError, compose_command
 from tests.compose.schema_watch import SchemaWatch
 from tests.compose.secrets_check import check_secrets_at_rest, check_secrets_of_running
-from tests.compose.stack import PROFILES, ROBOT_RUN, ROBOT_SLOTS, RUN, Stack, docker, image_sizes
+from tests.compose.stack import (
+    PROFILES,
+    ROBOT_RUN,
+    ROBOT_SLOTS,
+    RUN,
+    Stack,
+    dangling_images,
+    docker,
+    image_sizes,
+    remove_images,
+)
 
 TASK = "lateral-lifting"
 KILL_ALL = ("sh", "-c", "kill -9 -1")
 """Every process of a container but its init dies at once; the engine's own `kill` would prevent a restart."""
+FAILURES = (AssertionError, RuntimeError, OSError, ValueError, subprocess.SubprocessError)
+"""What a check can end with; time-outs are among them."""
 
 
 def main() -> int:
@@ -33,25 +48,37 @@ def main() -> int:
     except SkippedError as reason:
         print(f"compose-test: skipped: {reason}.")
         return 0
+    signal.signal(signal.SIGTERM, end)
     with tempfile.TemporaryDirectory(prefix="compose-test-") as folder:
         stack = Stack(compose, Path(folder), TASK)
         stack.clean()
+        dangling = dangling_images()
         started = time.monotonic()
         try:
             line = check(stack)
-        except (AssertionError, RuntimeError, TimeoutError, OSError) as error:
+        except FAILURES as error:
             print(what_was_said(stack), file=sys.stderr)
             print(f"compose-test: FAILED: {type(error).__name__}: {error}")
             return 1
         finally:
             stack.clean()
+            remove_images(dangling_images() - dangling)
     print(f"compose-test: passed in {(time.monotonic() - started) / 60:.1f} min: {line}")
     return 0
 
 
+def end(number: int, frame: FrameType | None) -> None:
+    """Leave by the way that takes everything down and removes the settings."""
+    signal.signal(number, signal.SIG_IGN)
+    raise SystemExit(f"compose-test: FAILED: ended by signal {number}")
+
+
 def what_was_said(stack: Stack) -> str:
     """Return the end of all logs, without the lines of rounds: they would push out why a service ended."""
-    lines = stack.compose(*PROFILES, "logs", "--no-color").splitlines()
+    try:
+        lines = stack.compose(*PROFILES, "logs", "--no-color").splitlines()
+    except FAILURES as error:
+        return f"The logs could not be read: {error}"
     return "\n".join([line for line in lines if "| round " not in line][-400:])
 
 
@@ -78,20 +105,24 @@ def check(stack: Stack) -> str:
         stack.rounds_pass(1)
     assert not watch.failures, f"{len(watch.failures)} requests for the schema failed: {watch.failures[0]}"
     assert watch.versions == sorted(watch.versions), "an older schema was answered after a newer one"
+    back_up(stack)
     end_processes(stack, "learner")  # a stop counts that is asked for while the engine starts it again
     rounds, here = finish(stack, {RUN: "learner", ROBOT_RUN: "robot-learner"})
     say(f"training {rounds} rounds embedded")
     there = embedded_hash(stack, TASK, rounds)
     assert here == there, f"the run's hash after {rounds} rounds is {here}, embedded it is {there}"
+    stack.wait(lambda: stack.health("robot") == "running healthy", "a robot that waits for its learner")
     ask_the_tools(stack)
+    restore_and_upgrade(stack, here, rounds)
+    say("backed up while it trained, restored, trained to the same hash; built and started again")
     check_secrets_at_rest(stack)
     return (
         f"workers 2 -> 6 in {grown:.0f} s, 6 -> 1 in {shrunk:.0f} s; two rounds {learner_back:.0f} s after "
         f"the learner and {worker_lost:.0f} s after a worker was killed; schema answered {watch.answered} "
         f"times, slowest {1e3 * watch.slowest:.0f} ms, {watch.excused_failures} not answered while API or "
         f"Redis was restarted; {2 * ROBOT_SLOTS} episodes of the robot's twin learned from after "
-        f"{twin:.0f} s; hash {here[:12]} after {rounds} rounds equals the embedded run's; no secret in "
-        "images, processes, volumes and logs"
+        f"{twin:.0f} s; hash {here[:12]} after {rounds} rounds equals the embedded run's, and that of its "
+        "backup restored; no secret in images, processes, volumes and logs"
     )
 
 
@@ -115,7 +146,7 @@ def kill_processes(stack: Stack, service: str, run: str) -> float:
 def end_processes(stack: Stack, service: str) -> None:
     """Kill all processes of a service's one container."""
     (container,) = stack.containers(service)
-    subprocess.run(["docker", "exec", container, *KILL_ALL], capture_output=True)
+    subprocess.run(["docker", "exec", container, *KILL_ALL], capture_output=True, timeout=60)
 
 
 def kill_worker(stack: Stack) -> float:
@@ -153,8 +184,8 @@ def down_and_up(stack: Stack, watch: SchemaWatch) -> None:
 def run_the_twin(stack: Stack) -> float:
     """Start the robot's profile beside the rest; return how long its first two rounds took [s].
 
-    Then its twin is restarted, stopped for a while, and killed, and the agent killed, too: they find each
-    other again.
+    Then its twin is restarted, stopped for a while, and killed, the agent killed and restarted, too, and the
+    learner restarted: they find each other again.
     """
     seconds = timed(stack, "--profile", "robot", "up", "-d", "--no-build", "robot")
     seconds += stack.rounds_pass(2, ROBOT_RUN)
@@ -170,6 +201,9 @@ def run_the_twin(stack: Stack) -> float:
     say(f"robot-twin stopped and started: two rounds after {stack.rounds_pass(2, ROBOT_RUN):.0f} s")
     for service in ("robot-twin", "robot"):
         kill_processes(stack, service, ROBOT_RUN)
+    for service in ("robot", "robot-learner"):
+        stack.compose(*profile, "restart", service)
+        say(f"{service} restarted: next round after {stack.rounds_pass(1, ROBOT_RUN):.0f} s")
     say(f"emergency stop pressed and released: next round after {press_the_emergency_stop(stack):.0f} s")
     return seconds
 

@@ -2,12 +2,14 @@
 
 import json
 import os
+import re
+import shlex
 import socket
 import subprocess
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,10 @@ RUN, ROBOT_RUN = "compose-test", "compose-test-robot"
 ROBOT_SLOTS = 2
 """Episodes a round of the robot's run: the paper's 167 take minutes on the twin."""
 PROFILES = ("--profile", "tools", "--profile", "robot")
+COMMAND_SECONDS = 1800.0
+"""Longest wait for a command that builds, starts or trains [s]."""
+DOCKER_SECONDS = 300.0
+"""Longest wait for the engine's answer [s]."""
 
 
 class Stack:
@@ -47,10 +53,19 @@ class Stack:
             "TASKSCHEMA_ROBOT_OPTIONS": f"--until-success 0 --slots {ROBOT_SLOTS} --set ppo.minibatches=1",
             "TORCH_INDEX_URL": os.environ.get("TORCH_INDEX_URL", ""),
         }
-        lines = [line for line in settings.splitlines() if line.partition("=")[0] not in own]
-        self._settings.write_text("\n".join([*lines, *(f"{k}={v}" for k, v in own.items())]) + "\n")
-        self._values = dict(line.split("=", 1) for line in lines if "=" in line and line[0] != "#")
-        self._compose = [*compose, "--env-file", str(self._settings), "-p", PROJECT]
+        lines = [line for line in settings.splitlines() if "=" in line and line[0] != "#"]
+        self._values = dict(line.split("=", 1) for line in lines) | own
+        self._write_settings()
+        file = ["-f", str(ROOT / "docker-compose.yml"), "--project-directory", str(ROOT)]
+        self._compose = [*compose, *file, "--env-file", str(self._settings), "-p", PROJECT]
+
+    def _write_settings(self) -> None:
+        self._settings.write_text("".join(f"{name}={value}\n" for name, value in self._values.items()))
+
+    def change(self, name: str, value: str) -> None:
+        """Change a setting for the commands that follow."""
+        self._values[name] = value
+        self._write_settings()
 
     @property
     def secrets(self) -> list[str]:
@@ -63,10 +78,25 @@ class Stack:
         Raises:
             RuntimeError: if it fails; the message holds what it said.
         """
-        done = subprocess.run([*self._compose, *words], cwd=ROOT, capture_output=True, text=True)
-        if done.returncode != 0:
-            raise RuntimeError(f"{' '.join(words)}: {(done.stderr or done.stdout)[-3000:]}")
-        return done.stdout
+        return _output([*self._compose, *words], ROOT, " ".join(words))
+
+    def shell(self, script: str) -> str:
+        """Run what a page has a person type, about this stack and its run; return what it prints.
+
+        Raises:
+            RuntimeError: if a command in it fails; the message holds what it said.
+        """
+        # A person has a terminal, which these two take where nobody forbids it.
+        here = re.sub(r"(run --rm|exec)( -T)? (tools|robot-twin)", r"\1 -T \3", script)
+        places = {
+            "docker compose": shlex.join(self._compose),
+            "127.0.0.1:8420": f"127.0.0.1:{self._port}",
+            ".env)": f"{self._settings})",
+            "lateral-lifting": RUN,
+        }
+        for documented, own in places.items():
+            here = here.replace(documented, own)
+        return _output(["bash", "-euc", here], self._settings.parent, script)
 
     def clean(self) -> None:
         """Remove containers, networks and volumes, if there are any."""
@@ -78,6 +108,11 @@ class Stack:
         if service is not None:
             words += ["--filter", f"label=com.docker.compose.service={service}"]
         return docker("ps", "-q", *words).split()[::-1]
+
+    def health(self, service: str) -> str:
+        """Return what the engine says about a service's one container, such as `running healthy`."""
+        (container,) = self.containers(service)
+        return docker("inspect", "--format", "{{.State.Status}} {{.State.Health.Status}}", container).strip()
 
     def engine_starts(self, service: str) -> int:
         """Return how often the engine itself has started a service's one container again."""
@@ -167,8 +202,30 @@ def _size(image: str) -> int:
 
 
 def docker(*words: str) -> str:
-    """Run a docker command and return what it prints."""
-    return subprocess.run(["docker", *words], capture_output=True, text=True, check=True).stdout
+    """Run a docker command and return what it prints.
+
+    Raises:
+        RuntimeError: if it fails; the message holds what it said.
+    """
+    return _output(["docker", *words], ROOT, " ".join(words), DOCKER_SECONDS)
+
+
+def dangling_images() -> set[str]:
+    """Return the images that no name leads to any more."""
+    return set(docker("image", "ls", "--quiet", "--no-trunc", "--filter", "dangling=true").split())
+
+
+def remove_images(images: Iterable[str]) -> None:
+    """Remove images, but for those that something else still needs."""
+    for image in images:
+        subprocess.run(["docker", "image", "rm", image], capture_output=True, timeout=DOCKER_SECONDS)
+
+
+def _output(words: list[str], folder: Path, what: str, seconds: float = COMMAND_SECONDS) -> str:
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=seconds)
+    if done.returncode != 0:
+        raise RuntimeError(f"{what}: {(done.stderr or done.stdout)[-3000:]}")
+    return done.stdout
 
 
 def _free_port() -> int:

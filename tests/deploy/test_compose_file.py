@@ -33,6 +33,7 @@ def test_containers_can_do_as_little_as_possible(service):
     assert settings["security_opt"] == ["no-new-privileges:true"]
     assert int(settings["user"].partition(":")[0]) > 0
     assert settings["mem_limit"]
+    assert settings["pids_limit"] >= 4096
     assert "privileged" not in settings
     assert settings.get("healthcheck") or service == "tools"
 

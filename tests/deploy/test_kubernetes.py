@@ -3,7 +3,9 @@
 They were never applied to a cluster by these tests.
 """
 
+import copy
 import json
+import re
 import shutil
 import subprocess
 from typing import Any
@@ -12,10 +14,13 @@ import kubernetes_validate
 import pytest
 import yaml
 from compose_file import ROOT, raw, services, settings
+from kuberay_fields import SPECS, wrong_fields
 
 FOLDER = ROOT / "deploy/kubernetes"
 KUBERNETES = "1.34"
-KINDS_OF_KUBERAY = ("RayCluster", "RayJob")
+LEFT_OUT = {"tools", "robot-twin", "robot-learner", "robot", "prometheus", "grafana"}
+"""Services of compose that the manifests have not, and docs/deploy.md says so."""
+UNITS = {"m": 2**20, "g": 2**30, "Mi": 2**20, "Gi": 2**30}
 
 
 def kustomization() -> dict[str, Any]:
@@ -58,10 +63,23 @@ def container(service: str) -> dict[str, Any]:
     "document", manifests(), ids=lambda each: f"{each['kind']} {each['metadata']['name']}"
 )
 def test_manifests_are_valid(document):
-    if document["kind"] in KINDS_OF_KUBERAY:
+    if document["kind"] in SPECS:
         assert document["apiVersion"] == "ray.io/v1"
+        assert not wrong_fields(document["spec"], SPECS[document["kind"]], document["kind"])
         return  # their pods are checked below
     kubernetes_validate.validate(document, KUBERNETES, strict=True)
+
+
+def test_a_field_that_kuberay_does_not_know_is_seen():
+    spec = copy.deepcopy(manifest("RayCluster", "taskschema")["spec"])
+    spec["authOptions"]["mode"] = "tokens"
+    spec["workerGroupSpecs"][1]["replica"] = 3
+    spec["workerGroupSpecs"][1]["minReplicas"] = "0"
+    assert wrong_fields(spec, SPECS["RayCluster"], "RayCluster") == [
+        "RayCluster.authOptions.mode: 'tokens'",
+        "RayCluster.workerGroupSpecs[1].replica: no such field",
+        "RayCluster.workerGroupSpecs[1].minReplicas: '0'",
+    ]
 
 
 @pytest.mark.parametrize("service", pods())
@@ -96,6 +114,27 @@ def test_images_and_users_are_those_of_compose(service):
     assert f"{name}:{tags[name]}" == services()[service]["image"]
     uid = pods()[service]["securityContext"]["runAsUser"]
     assert services()[service]["user"].split(":")[0] == str(uid)
+
+
+@pytest.mark.parametrize("service", pods())
+def test_memory_limits_are_those_of_compose(service):
+    here = in_bytes(container(service)["resources"]["limits"]["memory"])
+    there = in_bytes(settings()[re.findall(r"\{(\w+)", services()[service]["mem_limit"])[0]])
+    # The head has Ray's dashboard on Kubernetes, which takes the job.
+    assert here == (2 * there if service == "head" else there)
+
+
+def in_bytes(size: str) -> int:
+    match = re.fullmatch(r"(\d+)(\w+)", size)
+    assert match is not None
+    return int(match[1]) * UNITS[match[2]]
+
+
+def test_what_is_left_out_is_said_to_be():
+    assert set(services()) - set(pods()) == LEFT_OUT
+    text = (ROOT / "docs/deploy.md").read_text(encoding="utf-8").partition("## Kubernetes")[2]
+    for name in ("Prometheus", "Grafana", "robot", "tools"):
+        assert name in text.partition("left out")[0].rpartition("\n\n")[2], name
 
 
 def test_secrets_are_those_of_compose():

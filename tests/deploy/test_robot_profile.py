@@ -1,5 +1,6 @@
 """The compose file's profile `robot`: twin, agent and training by their own commands, no containers."""
 
+import json
 import os
 import signal
 import subprocess
@@ -117,9 +118,12 @@ def test_twin_and_agent_may_be_killed_at_any_time(server: RoleRedis, tmp_path: P
         wait_until(lambda: profile.is_healthy("robot-twin"), seconds=PATIENCE_SECONDS)
         agent = profile.start("robot")
         wait_until(lambda: _kill_with_lease(agent, server, run), seconds=PATIENCE_SECONDS)
-        agent = profile.start("robot")
+        agent = profile.start("robot", TASKSCHEMA_LOG_FORMAT="json")
         assert learner.wait(PATIENCE_SECONDS) == 0, profile.log("robot-learner").read_text()
         assert agent.wait(PATIENCE_SECONDS) == 0, profile.log("robot").read_text()
+        lines = [json.loads(line) for line in profile.log("robot").read_text().splitlines() if line[0] == "{"]
+        assert {line["run"] for line in lines} == {run}
+        assert lines[-1]["message"].startswith("The run is finished")
     folder = RunFolder.open(tmp_path / "runs" / run)
     assert [row.episodes for row in folder.read_metrics()] == [2, 4, 6]
     assert (tmp_path / "episodes" / run / "episodes.csv").read_text().count("\n") == 7

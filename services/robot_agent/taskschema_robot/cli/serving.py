@@ -1,6 +1,7 @@
 """The composition root of the agent: connects arms, gate, eyes, person and run, and serves to its end."""
 
 import logging
+import os
 import re
 import socket
 import threading
@@ -14,6 +15,7 @@ from taskschema.bus.connection import connect
 from taskschema.bus.records import RunRecords
 from taskschema.bus.worker_bus import WorkerBus
 from taskschema.errors import ConfigError
+from taskschema.logs import FORMAT_VARIABLE, TextLines, bind, handler, log_format
 from taskschema.safety.limits import SafetyLimits
 from taskschema.tasks.registry import task_of
 from taskschema.tasks.scene_task import SceneTask
@@ -71,7 +73,7 @@ def serve(options: Serving, stop: threading.Event) -> None:
     url = options.redis or embedded_redis_url(Path(options.run))
     item, folder = get_object(options.item), options.folder / run
     limits = SafetyLimits(speed_ratio=options.speed_ratio, period=1.0 / options.rate)
-    _log_to(folder)
+    _log_to(folder, run)
     with ExitStack() as stack:
         stack.enter_context(only_agent_of(folder))
         records = RunRecords(connect(url))
@@ -159,12 +161,15 @@ def embedded_redis_url(folder: Path) -> str:
     return f"redis://:{password[1]}@127.0.0.1:{port[1]}"
 
 
-def _log_to(folder: Path) -> None:
-    """Write everything that the agent's parts have to say to `agent.log` in its folder."""
+def _log_to(folder: Path, run: str) -> None:
+    """Write everything that the agent's parts have to say to `agent.log` in its folder.
+
+    With `TASKSCHEMA_LOG_FORMAT=json` it goes to standard error, too, a JSON object a line.
+    """
+    kind = log_format(os.environ.get(FORMAT_VARIABLE, "text"))
     folder.mkdir(parents=True, exist_ok=True)
-    logging.basicConfig(
-        filename=folder / "agent.log",
-        level=logging.INFO,
-        format="%(asctime)s %(name)s %(levelname)s %(message)s",
-    )
+    file = logging.FileHandler(folder / "agent.log")
+    file.setFormatter(TextLines())
+    bind(run=run)
+    logging.basicConfig(level=logging.INFO, handlers=[file, handler(kind)] if kind == "json" else [file])
     logging.getLogger("websockets").setLevel(logging.WARNING)

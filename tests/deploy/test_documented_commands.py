@@ -1,0 +1,44 @@
+"""Every command of the pages about deployment is typed by a test, or the page says that it was not."""
+
+import pytest
+from tests.compose.commands import BACKUP, FAULT, QUESTIONS, RESTORE, SCHEMA, UPGRADE
+from tests.compose.documented import ROOT, commands, script
+
+MADE_BY_THE_COMPOSE_TEST = {
+    "make env",  # deploy/docker/new-env.sh, which it calls
+    "docker compose up -d --scale worker=2",
+    "docker compose up -d --scale worker=50",  # tests.compose.many_workers
+    "docker compose up -d --scale worker=1",
+    "docker compose logs -f learner",  # its end, if something fails
+    "docker compose build",
+    f"{FAULT} --off",
+}
+IN_TESTS = {
+    "deploy.md": {*MADE_BY_THE_COMPOSE_TEST, *QUESTIONS, SCHEMA, FAULT},
+    "operate.md": {
+        line
+        for heading in ("Back up a run", "Restore a run", BACKUP, RESTORE, UPGRADE)
+        for line in script("operate.md", heading).splitlines()
+    },
+}
+NOT_RUN = ("kubectl ", "POD=$(kubectl ", "make env && grep ")
+"""On a cluster."""
+
+
+@pytest.mark.parametrize("page", IN_TESTS)
+def test_each_command_is_typed_by_a_test_or_said_not_to_be(page: str) -> None:
+    shown = commands(page)
+    assert shown
+    for command in shown:
+        if command.startswith(NOT_RUN):
+            text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+            before = text.partition(command[:40])[0].rpartition("\n#")[2]
+            assert "ot run on a cluster here" in before.replace("\n", " ") or "were run on a" in before, (
+                command
+            )
+        else:
+            assert command in IN_TESTS[page], f"docs/{page}: {command}"
+
+
+def test_what_the_compose_test_types_stands_in_the_page() -> None:
+    assert {*QUESTIONS, SCHEMA, FAULT, f"{FAULT} --off"} <= set(commands("deploy.md"))
