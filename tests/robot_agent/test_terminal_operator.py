@@ -50,11 +50,13 @@ def test_it_says_what_happens_next_and_how_far_it_is(tmp_path):
     progress = Progress(tmp_path / "episodes.csv")
     for number in range(100):
         progress.add(0, number, 0, number % 4 > 0, RECORD)
+    progress.add_dropped(0, 100, 0, RECORD, "a fault")
     terminal = Terminal(tmp_path)
     terminal.operator.begin(progress, "round 0, slot 100")
     assert "round 0, slot 100" in terminal.text
     assert "75% of the last 100" in terminal.text
-    assert "400 skills" in terminal.text
+    assert "100 episodes; dropped tries: 1" in terminal.text
+    assert "404 skills, 0.7 hours on the robot's clock" in terminal.text
     assert "not safety rated" in terminal.text
 
 
@@ -62,10 +64,11 @@ def test_progress_goes_on_after_a_restart(tmp_path):
     first = Progress(tmp_path / "episodes.csv")
     for number in range(5):
         first.add(0, number, 0, number > 1, RECORD)
+    first.add_dropped(0, 5, 1, RECORD, 'a "fault", twice\nsaid')
     again = Progress(tmp_path / "episodes.csv")
-    assert (again.episodes, again.skills) == (5, 20)
+    assert (again.episodes, again.dropped, again.skills) == (5, 1, 24)
     assert again.success == pytest.approx(0.6)
-    assert again.hours == pytest.approx(5 * 24 / 3600)
+    assert again.hours == pytest.approx(6 * 24 / 3600)
 
 
 def test_hours_left_follow_from_growth(tmp_path):

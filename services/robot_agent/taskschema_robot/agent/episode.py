@@ -1,5 +1,6 @@
 """One episode on the robot: reset, up to T steps through the gate, outcome, home."""
 
+import dataclasses
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -36,10 +37,10 @@ class EpisodeRecord:
     """What an episode was, for logs and progress."""
 
     skills: list[tuple[str, str]] = field(default_factory=list)
-    """Of each step."""
+    """Of each step that was begun, refused or not."""
     refusals: list[str] = field(default_factory=list)
     seconds: float = 0.0
-    """From reset to home, on the robot's clock."""
+    """From reset to home, on the robot's clock: a person's part in it included."""
     outcome: str = ""
     reason: str = ""
 
@@ -82,6 +83,7 @@ class EpisodeRunner:
         self._release = release
         self._observer = observer or StateObserver(task, size)
         self._lowering = False
+        self._record, self._began = EpisodeRecord(), clock.now()
         self._planner = StepPlanner(task, size, limits.period, limits.speed_ratio)
 
     def run(self, key: EpisodeKey, policy: ActingPolicy) -> tuple[Trajectory, EpisodeRecord]:
@@ -92,7 +94,8 @@ class EpisodeRunner:
             EpisodeDroppedError: if its start or its outcome is unknown.
 
         """
-        record, began = EpisodeRecord(), self._clock.now()
+        record = self._record = EpisodeRecord()
+        self._began = self._clock.now()
         self._put_down(recovering=False)  # what an episode that a person dropped half-way still holds
         self.go_home()
         start = self._world.reset(self._task.draw_instance(generator(key, Purpose.RESET)))
@@ -117,7 +120,7 @@ class EpisodeRunner:
             judgement = self._world.last_look(start)
         if judgement.outcome is Outcome.UNKNOWN:
             raise EpisodeDroppedError(f"The outcome is unknown: {judgement.reason}.")
-        record.seconds = self._clock.now() - began
+        record.seconds = self.so_far().seconds
         record.outcome, record.reason = str(judgement.outcome), judgement.reason
         trajectory = Trajectory(
             round=key.round,
@@ -131,6 +134,10 @@ class EpisodeRunner:
             refused=len(record.refusals),
         )
         return trajectory, record
+
+    def so_far(self) -> EpisodeRecord:
+        """Return what the newest episode has been until now, its recovery included."""
+        return dataclasses.replace(self._record, seconds=self._clock.now() - self._began)
 
     def recover(self) -> None:
         """After a fault that was acknowledged: put down what the hands still hold, then go home; slowly.
@@ -189,8 +196,8 @@ class EpisodeRunner:
         motion = self._planner.plan(pair, arguments, self._arms.states(), pose)
         if self._preview is not None:
             self._preview(motion, self._arms.check(motion), ", ".join(names))
-        refusal = self._arms.execute(motion)
         record.skills.append(names)
+        refusal = self._arms.execute(motion)
         if refusal is not None:
             record.refusals.append(refusal.reason)
             return

@@ -57,9 +57,8 @@ class TerminalOperator:
         table = Table.grid(padding=(0, 3))
         left = progress.hours_left()
         table.add_row("next", key)
-        table.add_row(
-            "done", f"{progress.episodes} episodes, {progress.skills} skills, {progress.hours:.1f} h"
-        )
+        table.add_row("done", f"{progress.episodes} episodes; dropped tries: {progress.dropped}")
+        table.add_row("so far", f"{progress.skills} skills, {progress.hours:.1f} hours on the robot's clock")
         table.add_row("success", f"{progress.success:.0%} of the last {len(progress.recent)}, to 90 % of 100")
         table.add_row("hours left", "unknown yet" if left is None else f"{left:.1f}")
         self._console.print(Panel(table, title="Next episode", subtitle=KEYS))
