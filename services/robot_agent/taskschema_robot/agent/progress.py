@@ -27,7 +27,10 @@ DROPPED_COLUMNS = ("round", "slot", "attempt", "skills", "refused", "seconds", "
 
 @dataclass
 class Progress:
-    """Counts episodes, a row of `episodes.csv` each, and tries that do not count, in `dropped.csv` beside it."""
+    """Counts episodes, a row of `episodes.csv` each, and tries that do not count, of `dropped.csv` beside it.
+
+    Goes on from what is there.
+    """
 
     path: Path
     episodes: int = 0
