@@ -1,6 +1,7 @@
 """The agent's loop on a real Redis: what is delivered, what is dropped, what survives."""
 
 import csv
+import logging
 import os
 import signal
 
@@ -94,6 +95,25 @@ def test_a_fault_drops_the_episode_and_it_is_run_again(run, bench, tmp_path):
         counted = sum(float(line["seconds"]) for line in csv.DictReader(file))
     assert float(row["seconds"]) > 0.05
     assert progress.seconds == pytest.approx(counted + float(row["seconds"]), abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("said", "lines"),
+    [
+        (True, ["A person undid it: it was a success", "Round 0, slot 0, attempt 0: success after 3 steps"]),
+        (False, ["Round 0, slot 0, attempt 0: failure after 3 steps"]),
+        (None, ["Round 0, slot 0, attempt 0: dropped: A person dropped it."]),
+    ],
+)
+def test_what_a_person_says_stands_in_the_log(run, bench, caplog, said, lines):
+    caplog.set_level(logging.INFO, "taskschema.robot")
+    open_round(run)
+    answers = [said]
+    bench.operator.review = lambda record: answers.pop() if answers else False
+    bench.serve(1)
+    begin = caplog.messages.index("Judged as failure: as scripted")
+    for place, line in enumerate(lines, 1):
+        assert caplog.messages[begin + place].startswith(line)
 
 
 def test_an_unknown_outcome_is_never_a_failure(run, tmp_path):

@@ -1,5 +1,6 @@
 """The operator's flow at a terminal: progress, pause, undo, resets, faults."""
 
+import logging
 from collections import deque
 
 import cv2
@@ -80,10 +81,18 @@ def test_hours_left_follow_from_growth(tmp_path):
     assert progress.hours_left() == pytest.approx(62.5 * 24 / 3600)
 
 
-def test_pause_waits_for_a_person(tmp_path):
+@pytest.fixture
+def log(caplog):
+    """What stands in the agent's log."""
+    caplog.set_level(logging.INFO, "taskschema.robot")
+    return caplog
+
+
+def test_pause_waits_for_a_person(tmp_path, log):
     terminal = Terminal(tmp_path, keys=["p"], lines=[""])
     terminal.operator.begin(Progress(tmp_path / "episodes.csv"), "next")
     assert "Paused" in terminal.questions[0]
+    assert log.messages == ["A person paused", "A person goes on"]
 
 
 def test_quit(tmp_path):
@@ -144,8 +153,12 @@ def test_the_reset_picture_shows_the_place(tmp_path):
 
 
 @pytest.mark.parametrize(("line", "expected"), [("y", True), ("n", False), ("", None)])
-def test_an_unknown_outcome_is_asked_about(tmp_path, line, expected):
+def test_an_unknown_outcome_is_asked_about(tmp_path, log, line, expected):
     terminal = Terminal(tmp_path, lines=[line])
     judgement = Judgement(Outcome.UNKNOWN, "the lid's marker is hidden")
     assert terminal.operator.ask_outcome(judgement) is expected
     assert "hidden" in terminal.text
+    word = {True: "a success", False: "a failure", None: "not known"}[expected]
+    assert log.messages[-1] == (
+        f"The outcome is unknown (the lid's marker is hidden); by a person's word it is {word}"
+    )

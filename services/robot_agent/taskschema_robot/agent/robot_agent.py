@@ -105,24 +105,29 @@ class RobotAgent:
                 trajectory, record = self._runner.run(key, policy)
                 trajectory = self._reviewed(trajectory, record)
             except FaultError as error:
-                attempt = self._drop(item, error)
+                attempt = self._drop(item, key, error)
                 try:
                     self._recover(error)
                 finally:
                     self._count_dropped(item, attempt, error)
             except EpisodeDroppedError as error:
-                attempt = self._drop(item, error)
+                attempt = self._drop(item, key, error)
                 self._count_dropped(item, attempt, error)
             else:
                 self.progress.add(item.round, item.slot, attempt, trajectory.success, record)
+                outcome = "success" if trajectory.success else "failure"
+                log.info(
+                    "%s: %s after %d steps, %.0f s", _words(key), outcome, len(trajectory), record.seconds
+                )
                 return trajectory
         raise EpisodeDroppedError(
             f"The episode of round {item.round}, slot {item.slot} was dropped {attempt} times: see the log, "
             "mend what it says, and start the agent again."
         )
 
-    def _drop(self, item: WorkItem, error: RobotError) -> int:
+    def _drop(self, item: WorkItem, key: EpisodeKey, error: RobotError) -> int:
         """Note that a try does not count; return how many of this slot have not."""
+        log.warning("%s: dropped: %s", _words(key), error)
         self._operator.dropped(str(error))
         return self._log.drop(item)
 
@@ -149,11 +154,17 @@ class RobotAgent:
 
     def _reviewed(self, trajectory: Trajectory, record: EpisodeRecord) -> Trajectory:
         """Return the trajectory with the outcome that a person lets stand."""
+        log.info("Judged as %s: %s", record.outcome, record.reason)
         success = self._operator.review(record)
         if success is None:
             raise EpisodeDroppedError("A person dropped it.")
         if success == trajectory.success:
             return trajectory
+        log.warning("A person undid it: it was a %s", "success" if success else "failure")
         if not success and len(trajectory) < self._task.horizon:
             raise EpisodeDroppedError("It ended early as a success that it was not.")
         return dataclasses.replace(trajectory, success=success)
+
+
+def _words(key: EpisodeKey) -> str:
+    return f"Round {key.round}, slot {key.slot}, attempt {key.attempt}"
