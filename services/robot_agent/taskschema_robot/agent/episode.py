@@ -28,6 +28,8 @@ log = logging.getLogger("taskschema.robot")
 
 Preview = Callable[[Motion, Refusal | None, str], None]
 """Shown every plan before it is made; raises EpisodeDroppedError if a person does not want it."""
+Refused = Callable[[Motion, Refusal, str], None]
+"""Told about every plan that the gate refused, with the skills' names."""
 Release = Callable[[str], None]
 """Asks a person to take what the hands hold, with the reason; returns when they may open."""
 
@@ -58,6 +60,7 @@ class EpisodeRunner:
         preview: told about every plan.
         release: asked before hands open that hold something in the air; None: nobody is there.
         observer: of what the policy sees; None: the state.
+        refused: told about every plan that was refused.
 
     """
 
@@ -72,6 +75,7 @@ class EpisodeRunner:
         preview: Preview | None = None,
         release: Release | None = None,
         observer: Observer | None = None,
+        refused: Refused | None = None,
     ) -> None:
         self._task = task
         self._size = size
@@ -81,6 +85,7 @@ class EpisodeRunner:
         self._limits = limits
         self._preview = preview
         self._release = release
+        self._refused = refused
         self._observer = observer or StateObserver(task, size)
         self._lowering = False
         self._record, self._began = EpisodeRecord(), clock.now()
@@ -200,6 +205,8 @@ class EpisodeRunner:
         refusal = self._arms.execute(motion)
         if refusal is not None:
             record.refusals.append(refusal.reason)
+            if self._refused is not None:
+                self._refused(motion, refusal, ", ".join(names))
             return
         self._planner.done(pair, motion)
 
