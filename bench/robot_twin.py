@@ -132,14 +132,18 @@ minibatches x epochs of the update after each; the paper's for robots is 0.005, 
 policy sees states, by the twin's own word.
 `first 100` is success over the first 100 episodes, before any update: for a network that starts from a policy
 that was trained in simulation (with `--safety-gate`), what the twin makes of that. The paper transfers the
-schema only; the rows with `random` weights do as it does. `dropped` episodes were ended by a fault, mostly a
+schema only; the rows with `random` weights do as it does. `dropped` tries were ended by a fault, mostly a
 hand that pressed with more than 80 N; they are run again and count neither way. On robots a person would have
-acknowledged each.
+acknowledged each. `skills` are each arm's that is not a no-op, `refused` steps included.
 Hours are on the twin's clock, at the arms' full speed; beside them (paper's) the same skills at the paper's
 pace of {pace:g} s each (2,000 skills in 6 to 8 hours). The paper's real runs took 4 to 10 hours.
+Skills and hours include those of dropped tries and of the ways home after them; a row marked {mark} was
+measured before they were counted, and its skills and hours are those of the episodes that count.
 
 """
-"""Of the table: `refused` are steps that the gate refused, `dropped` episodes that a fault ended."""
+"""Of the table: `refused` are steps that the gate refused, `dropped` tries that a fault ended."""
+UNCOUNTED = "*"
+"""Marks rows whose agent kept no record of what dropped tries took."""
 SIMULATION = """
 ## In simulation, with the gate
 
@@ -168,6 +172,20 @@ class Curve:
 
     name: str
     rows: list[dict[str, str]]
+    dropped: list[dict[str, str]]
+    """Tries that do not count; empty if the agent did not write them down."""
+
+    @property
+    def skills(self) -> float:
+        return self.total("skills") + sum(float(row["skills"]) for row in self.dropped)
+
+    @property
+    def hours(self) -> float:
+        return max((float(row["hours"]) for row in [*self.rows[-1:], *self.dropped[-1:]]), default=0.0)
+
+    @property
+    def mark(self) -> str:
+        return UNCOUNTED if self.total("attempt") > len(self.dropped) else ""
 
     def total(self, column: str) -> float:
         return sum(float(row[column]) for row in self.rows)
@@ -190,8 +208,8 @@ def write_results() -> None:
     OUT.mkdir(parents=True, exist_ok=True)
     curves = []
     for path in sorted((RUNS / "agent").glob("*/episodes.csv")):
-        with path.open(newline="") as file:
-            curves.append(Curve(path.parent.name, list(csv.DictReader(file))))
+        dropped = path.with_name("dropped.csv")
+        curves.append(Curve(path.parent.name, _rows(path), _rows(dropped) if dropped.exists() else []))
     for curve in curves:
         step = max(1, len(curve.rows) // ROWS)
         with (OUT / f"{curve.name}.csv").open("w", newline="") as file:
@@ -202,6 +220,11 @@ def write_results() -> None:
                 writer.writerow([number + 1, row["hours"], row["last_100"]])
     (OUT / "README.md").write_text(_table(curves))
     _draw(curves)
+
+
+def _rows(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
 
 
 def _simulated() -> list[str]:
@@ -222,28 +245,26 @@ def _simulated() -> list[str]:
 
 
 def _table(curves: list[Curve]) -> str:
-    lines = INTRODUCTION.format(machine=machine(), pace=PAPER_SKILL_SECONDS).splitlines()
+    lines = INTRODUCTION.format(machine=machine(), pace=PAPER_SKILL_SECONDS, mark=UNCOUNTED).splitlines()
     lines += [_line(COLUMNS), _line(["---"] * len(COLUMNS))]
     for curve in curves:
         config = RunFolder.open(RUNS / curve.name).config
         schema = "the paper's, given" if config.policy == "oracle" else "transferred, frozen"
         updates = len(RunFolder.open(RUNS / curve.name).read_metrics())
-        skills = curve.total("skills")
-        hours = float(curve.rows[-1]["hours"]) if curve.rows else 0.0
         first = "random" if config.initial_policy is None else "simulation's"
         cells = (
-            curve.name.removesuffix(FROM_SIMULATION),
+            curve.name.removesuffix(FROM_SIMULATION) + curve.mark,
             schema,
             first,
             f"{config.ppo.learning_rate:g}, {config.ppo.minibatches} x {config.ppo.epochs}",
             f"{len(curve.rows):,}",
             f"{curve.total('success'):,.0f}",
             f"{updates}",
-            f"{skills:,.0f}",
+            f"{curve.skills:,.0f}",
             f"{curve.total('refused'):,.0f}",
             f"{curve.total('attempt'):,.0f}",
-            f"{hours:.1f}",
-            f"{skills * PAPER_SKILL_SECONDS / 3600:.1f}",
+            f"{curve.hours:.1f}",
+            f"{curve.skills * PAPER_SKILL_SECONDS / 3600:.1f}",
             f"{curve.first_100:.0%}",
             f"{curve.last_100:.0%}",
         )

@@ -11,7 +11,7 @@ from bus_setup import some_metrics
 
 from taskschema.config import RunConfig
 from taskschema_learner.run_folder import RunFolder
-from taskschema_robot.agent.progress import COLUMNS
+from taskschema_robot.agent.progress import COLUMNS, DROPPED_COLUMNS
 
 CONFIG = RunConfig(task="opening", policy="oracle")
 POLICY = "ab" * 32
@@ -36,6 +36,29 @@ def agent_log(name: str, successes: list[bool]) -> None:
             )
 
 
+def dropped_log(name: str, count: int) -> None:
+    path = robot_twin.RUNS / "agent" / name / "dropped.csv"
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(DROPPED_COLUMNS)
+        for number in range(count):
+            row = dict.fromkeys(DROPPED_COLUMNS, 0) | {"slot": number, "skills": 2, "reason": "a fault"}
+            writer.writerow((row | {"hours": 0.7}).values())
+
+
+def test_what_dropped_tries_took_is_counted_or_said_to_be_missing(place):
+    RunFolder.create(robot_twin.RUNS / "water-bottle", CONFIG)
+    agent_log("water-bottle", [False] * 120)  # 60 of them had a try dropped before
+    robot_twin.write_results()
+    page = Path("results/robot-twin/README.md")
+    assert "| water-bottle* |" in page.read_text()
+    assert "| 360 | 120 | 60 | 0.5 |" in page.read_text()
+    dropped_log("water-bottle", 60)
+    robot_twin.write_results()
+    assert "| water-bottle | the paper's" in page.read_text()
+    assert "| 480 | 120 | 60 | 0.7 |" in page.read_text()  # 120 x 3 + 60 x 2 skills
+
+
 def test_both_ways_of_an_object_stand_side_by_side(place):
     RunFolder.create(robot_twin.RUNS / "water-bottle", CONFIG)
     config = msgspec.structs.replace(CONFIG, initial_policy=POLICY)
@@ -50,7 +73,7 @@ def test_both_ways_of_an_object_stand_side_by_side(place):
         simulated.append_metrics(row)
     robot_twin.write_results()
     text = Path("results/robot-twin/README.md").read_text()
-    one, other = (line for line in text.splitlines() if line.startswith("| water-bottle | the paper's"))
+    one, other = (line for line in text.splitlines() if line.startswith("| water-bottle* | the paper's"))
     assert one.split(" | ")[2:7] == ["random", "0.001, 4 x 4", "120", "0", "0"]
     assert one.endswith("| 0% | 0% |")
     assert other.split(" | ")[2:6] == ["simulation's", "0.001, 4 x 4", "200", "180"]

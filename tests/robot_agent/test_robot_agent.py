@@ -1,5 +1,7 @@
 """The agent's loop on a real Redis: what is delivered, what is dropped, what survives."""
 
+import csv
+import logging
 import os
 import signal
 
@@ -65,7 +67,7 @@ def test_what_acted_is_what_is_streamed(run, bench):
             np.testing.assert_array_equal(again.raw[0], trajectory.arguments[step])
 
 
-def test_a_fault_drops_the_episode_and_it_is_run_again(run, bench):
+def test_a_fault_drops_the_episode_and_it_is_run_again(run, bench, tmp_path):
     learner, _ = open_round(run)
     broken = []
 
@@ -81,7 +83,37 @@ def test_a_fault_drops_the_episode_and_it_is_run_again(run, bench):
     assert sorted(attempts.values()) == [0, 0, 1]
     assert [fault.kind for fault in bench.operator.acknowledged] == ["collision"]
     assert len(bench.operator.drops) == 1
-    assert bench.agent.progress.episodes == 3  # the dropped one is not a failure
+    progress = bench.agent.progress
+    assert progress.episodes == 3  # the dropped one is not a failure
+    assert progress.dropped == 1
+    with (tmp_path / "dropped.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert (row["round"], row["attempt"]) == ("0", "0")
+    assert "it has detected a collision" in row["reason"]
+    assert int(row["skills"]) >= 1  # the one that the fault broke off
+    with (tmp_path / "episodes.csv").open(newline="") as file:
+        counted = sum(float(line["seconds"]) for line in csv.DictReader(file))
+    assert float(row["seconds"]) > 0.05
+    assert progress.seconds == pytest.approx(counted + float(row["seconds"]), abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("said", "lines"),
+    [
+        (True, ["A person undid it: it was a success", "Round 0, slot 0, attempt 0: success after 3 steps"]),
+        (False, ["Round 0, slot 0, attempt 0: failure after 3 steps"]),
+        (None, ["Round 0, slot 0, attempt 0: dropped: A person dropped it."]),
+    ],
+)
+def test_what_a_person_says_stands_in_the_log(run, bench, caplog, said, lines):
+    caplog.set_level(logging.INFO, "taskschema.robot")
+    open_round(run)
+    answers = [said]
+    bench.operator.review = lambda record: answers.pop() if answers else False
+    bench.serve(1)
+    begin = caplog.messages.index("Judged as failure: as scripted")
+    for place, line in enumerate(lines, 1):
+        assert caplog.messages[begin + place].startswith(line)
 
 
 def test_an_unknown_outcome_is_never_a_failure(run, tmp_path):

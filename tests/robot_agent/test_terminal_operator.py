@@ -1,5 +1,6 @@
 """The operator's flow at a terminal: progress, pause, undo, resets, faults."""
 
+import logging
 from collections import deque
 
 import cv2
@@ -50,11 +51,13 @@ def test_it_says_what_happens_next_and_how_far_it_is(tmp_path):
     progress = Progress(tmp_path / "episodes.csv")
     for number in range(100):
         progress.add(0, number, 0, number % 4 > 0, RECORD)
+    progress.add_dropped(0, 100, 0, RECORD, "a fault")
     terminal = Terminal(tmp_path)
     terminal.operator.begin(progress, "round 0, slot 100")
     assert "round 0, slot 100" in terminal.text
     assert "75% of the last 100" in terminal.text
-    assert "400 skills" in terminal.text
+    assert "100 episodes; dropped tries: 1" in terminal.text
+    assert "404 skills, 0.7 hours on the robot's clock" in terminal.text
     assert "not safety rated" in terminal.text
 
 
@@ -62,10 +65,11 @@ def test_progress_goes_on_after_a_restart(tmp_path):
     first = Progress(tmp_path / "episodes.csv")
     for number in range(5):
         first.add(0, number, 0, number > 1, RECORD)
+    first.add_dropped(0, 5, 1, RECORD, 'a "fault", twice\nsaid')
     again = Progress(tmp_path / "episodes.csv")
-    assert (again.episodes, again.skills) == (5, 20)
+    assert (again.episodes, again.dropped, again.skills) == (5, 1, 24)
     assert again.success == pytest.approx(0.6)
-    assert again.hours == pytest.approx(5 * 24 / 3600)
+    assert again.hours == pytest.approx(6 * 24 / 3600)
 
 
 def test_hours_left_follow_from_growth(tmp_path):
@@ -77,10 +81,18 @@ def test_hours_left_follow_from_growth(tmp_path):
     assert progress.hours_left() == pytest.approx(62.5 * 24 / 3600)
 
 
-def test_pause_waits_for_a_person(tmp_path):
+@pytest.fixture
+def log(caplog):
+    """What stands in the agent's log."""
+    caplog.set_level(logging.INFO, "taskschema.robot")
+    return caplog
+
+
+def test_pause_waits_for_a_person(tmp_path, log):
     terminal = Terminal(tmp_path, keys=["p"], lines=[""])
     terminal.operator.begin(Progress(tmp_path / "episodes.csv"), "next")
     assert "Paused" in terminal.questions[0]
+    assert log.messages == ["A person paused", "A person goes on"]
 
 
 def test_quit(tmp_path):
@@ -141,8 +153,12 @@ def test_the_reset_picture_shows_the_place(tmp_path):
 
 
 @pytest.mark.parametrize(("line", "expected"), [("y", True), ("n", False), ("", None)])
-def test_an_unknown_outcome_is_asked_about(tmp_path, line, expected):
+def test_an_unknown_outcome_is_asked_about(tmp_path, log, line, expected):
     terminal = Terminal(tmp_path, lines=[line])
     judgement = Judgement(Outcome.UNKNOWN, "the lid's marker is hidden")
     assert terminal.operator.ask_outcome(judgement) is expected
     assert "hidden" in terminal.text
+    word = {True: "a success", False: "a failure", None: "not known"}[expected]
+    assert log.messages[-1] == (
+        f"The outcome is unknown (the lid's marker is hidden); by a person's word it is {word}"
+    )

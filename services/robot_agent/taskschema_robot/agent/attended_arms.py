@@ -60,8 +60,11 @@ class AttendedArms:
             EpisodeDroppedError: if nobody holds the key in time.
 
         """
-        if self._arms.check(motion, recovering=recovering) is None:
-            self._wait()
+        refusal = self._arms.check(motion, recovering=recovering)
+        if refusal is not None:  # the gate would look for the key first
+            log.info("Refused (%s): %s", refusal.kind, refusal.reason)
+            return refusal
+        self._wait()
         return self._arms.execute(motion, recovering=recovering)
 
     def stop(self, reason: str) -> None:

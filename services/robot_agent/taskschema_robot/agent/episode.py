@@ -1,5 +1,6 @@
 """One episode on the robot: reset, up to T steps through the gate, outcome, home."""
 
+import dataclasses
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -27,6 +28,8 @@ log = logging.getLogger("taskschema.robot")
 
 Preview = Callable[[Motion, Refusal | None, str], None]
 """Shown every plan before it is made; raises EpisodeDroppedError if a person does not want it."""
+Refused = Callable[[Motion, Refusal, str], None]
+"""Told about every plan that the gate refused, with the skills' names."""
 Release = Callable[[str], None]
 """Asks a person to take what the hands hold, with the reason; returns when they may open."""
 
@@ -36,10 +39,10 @@ class EpisodeRecord:
     """What an episode was, for logs and progress."""
 
     skills: list[tuple[str, str]] = field(default_factory=list)
-    """Of each step."""
+    """Of each step that was begun, refused or not."""
     refusals: list[str] = field(default_factory=list)
     seconds: float = 0.0
-    """From reset to home, on the robot's clock."""
+    """From reset to home, on the robot's clock: a person's part in it included."""
     outcome: str = ""
     reason: str = ""
 
@@ -57,6 +60,7 @@ class EpisodeRunner:
         preview: told about every plan.
         release: asked before hands open that hold something in the air; None: nobody is there.
         observer: of what the policy sees; None: the state.
+        refused: told about every plan that was refused.
 
     """
 
@@ -71,6 +75,7 @@ class EpisodeRunner:
         preview: Preview | None = None,
         release: Release | None = None,
         observer: Observer | None = None,
+        refused: Refused | None = None,
     ) -> None:
         self._task = task
         self._size = size
@@ -80,8 +85,10 @@ class EpisodeRunner:
         self._limits = limits
         self._preview = preview
         self._release = release
+        self._refused = refused
         self._observer = observer or StateObserver(task, size)
         self._lowering = False
+        self._record, self._began = EpisodeRecord(), clock.now()
         self._planner = StepPlanner(task, size, limits.period, limits.speed_ratio)
 
     def run(self, key: EpisodeKey, policy: ActingPolicy) -> tuple[Trajectory, EpisodeRecord]:
@@ -92,7 +99,8 @@ class EpisodeRunner:
             EpisodeDroppedError: if its start or its outcome is unknown.
 
         """
-        record, began = EpisodeRecord(), self._clock.now()
+        record = self._record = EpisodeRecord()
+        self._began = self._clock.now()
         self._put_down(recovering=False)  # what an episode that a person dropped half-way still holds
         self.go_home()
         start = self._world.reset(self._task.draw_instance(generator(key, Purpose.RESET)))
@@ -117,7 +125,7 @@ class EpisodeRunner:
             judgement = self._world.last_look(start)
         if judgement.outcome is Outcome.UNKNOWN:
             raise EpisodeDroppedError(f"The outcome is unknown: {judgement.reason}.")
-        record.seconds = self._clock.now() - began
+        record.seconds = self.so_far().seconds
         record.outcome, record.reason = str(judgement.outcome), judgement.reason
         trajectory = Trajectory(
             round=key.round,
@@ -131,6 +139,10 @@ class EpisodeRunner:
             refused=len(record.refusals),
         )
         return trajectory, record
+
+    def so_far(self) -> EpisodeRecord:
+        """Return what the newest episode has been until now, its recovery included."""
+        return dataclasses.replace(self._record, seconds=self._clock.now() - self._began)
 
     def recover(self) -> None:
         """After a fault that was acknowledged: put down what the hands still hold, then go home; slowly.
@@ -189,10 +201,12 @@ class EpisodeRunner:
         motion = self._planner.plan(pair, arguments, self._arms.states(), pose)
         if self._preview is not None:
             self._preview(motion, self._arms.check(motion), ", ".join(names))
-        refusal = self._arms.execute(motion)
         record.skills.append(names)
+        refusal = self._arms.execute(motion)
         if refusal is not None:
             record.refusals.append(refusal.reason)
+            if self._refused is not None:
+                self._refused(motion, refusal, ", ".join(names))
             return
         self._planner.done(pair, motion)
 

@@ -12,13 +12,15 @@ import tty
 from collections.abc import Callable, Iterator
 from typing import TextIO
 
+from taskschema_robot.safety.hold_to_run import LONGEST_GAP
+
 STOP_KEYS = (" ", "s", "S")
 LOOK_SECONDS = 0.05
 """Longest time until a key is seen [s]."""
 MOST_BYTES = 1024
 """Read at once; every one of them is looked at."""
-RELEASE_SECONDS = 0.3
-"""Without a key, after which one that was held is taken for released [s]."""
+RELEASE_SECONDS = LONGEST_GAP + 0.1
+"""Without a key, after which one that was held is taken for released [s], by whoever watches it, too."""
 RELEASE_PATIENCE = 5.0
 """How long a question waits for that [s]."""
 
@@ -76,6 +78,8 @@ class Keyboard:
         A key that is still held down from a motion is no part of the answer: it is waited for.
         """
         deadline = time.monotonic() + RELEASE_PATIENCE
+        if time.monotonic() < self._last_key + RELEASE_SECONDS:
+            print("Let go of the key.", flush=True)
         while time.monotonic() < min(self._last_key + RELEASE_SECONDS, deadline):
             time.sleep(LOOK_SECONDS)
         with self._line_mode():

@@ -2,6 +2,7 @@
 
 import csv
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,33 +22,38 @@ COLUMNS = (
     "hours",
     "last_100",
 )
+DROPPED_COLUMNS = ("round", "slot", "attempt", "skills", "refused", "seconds", "hours", "reason")
 
 
 @dataclass
 class Progress:
-    """Counts episodes and writes a row of `episodes.csv` for each."""
+    """Counts episodes, a row of `episodes.csv` each, and tries that do not count, of `dropped.csv` beside it.
+
+    Goes on from what is there.
+    """
 
     path: Path
     episodes: int = 0
+    dropped: int = 0
+    """Tries that ended with a fault, an unknown outcome or a person's word."""
     skills: int = 0
-    """Executed, counting each arm's that is not a no-op."""
+    """Begun, counting each arm's that is not a no-op; those of refused steps and dropped tries included."""
     seconds: float = 0.0
-    """On the robot's clock."""
+    """On the robot's clock, dropped tries and their recovery included."""
     recent: deque[bool] = field(default_factory=lambda: deque(maxlen=RECENT))
 
     def __post_init__(self) -> None:
         """Go on from what is there."""
-        if self.path.exists():
-            with self.path.open(newline="") as file:
-                for row in csv.DictReader(file):
-                    self.episodes += 1
-                    self.skills += int(row["skills"])
-                    self.seconds += float(row["seconds"])
-                    self.recent.append(row["success"] == "1")
-            return
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        with self.path.open("w", newline="") as file:
-            csv.writer(file).writerow(COLUMNS)
+        self.dropped_path = self.path.with_name("dropped.csv")
+        for row in _rows(self.path, COLUMNS):
+            self.episodes += 1
+            self.skills += int(row["skills"])
+            self.seconds += float(row["seconds"])
+            self.recent.append(row["success"] == "1")
+        for row in _rows(self.dropped_path, DROPPED_COLUMNS):
+            self.dropped += 1
+            self.skills += int(row["skills"])
+            self.seconds += float(row["seconds"])
 
     @property
     def success(self) -> float:
@@ -61,16 +67,24 @@ class Progress:
 
     def add(self, round_index: int, slot: int, attempt: int, success: bool, record: EpisodeRecord) -> None:
         """Count an episode."""
-        skills = sum(name != "no_op" for pair in record.skills for name in pair)
+        skills = _skills(record)
         self.episodes += 1
         self.skills += skills
         self.seconds += record.seconds
         self.recent.append(success)
         numbers = (round_index, slot, attempt, int(success), len(record.skills), skills, len(record.refusals))
-        with self.path.open("a", newline="") as file:
-            csv.writer(file).writerow(
-                [*numbers, f"{record.seconds:.2f}", f"{self.hours:.4f}", f"{self.success:.3f}"]
-            )
+        _append(self.path, [*numbers, f"{record.seconds:.2f}", f"{self.hours:.4f}", f"{self.success:.3f}"])
+
+    def add_dropped(
+        self, round_index: int, slot: int, attempt: int, record: EpisodeRecord, reason: str
+    ) -> None:
+        """Count a try that does not count as an episode: its time and skills, with the reason."""
+        skills = _skills(record)
+        self.dropped += 1
+        self.skills += skills
+        self.seconds += record.seconds
+        numbers = (round_index, slot, attempt, skills, len(record.refusals))
+        _append(self.dropped_path, [*numbers, f"{record.seconds:.2f}", f"{self.hours:.4f}", reason])
 
     def hours_left(self, goal: float = 0.9) -> float | None:
         """Return the hours to `goal` if success grows on as in the last 100 episodes; None: unknown."""
@@ -85,3 +99,21 @@ class Progress:
             return None
         episodes = (goal - self.success) / growth * half
         return episodes * self.hours / self.episodes
+
+
+def _rows(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
+    """Return the rows of a file, which is begun if there is none."""
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _append(path, columns)
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def _append(path: Path, row: Sequence[object]) -> None:
+    with path.open("a", newline="") as file:
+        csv.writer(file).writerow(row)
+
+
+def _skills(record: EpisodeRecord) -> int:
+    return sum(name != "no_op" for pair in record.skills for name in pair)

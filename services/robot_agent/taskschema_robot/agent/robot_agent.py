@@ -20,6 +20,7 @@ from taskschema_robot.agent.episode_log import EpisodeLog
 from taskschema_robot.agent.operator import Operator
 from taskschema_robot.agent.progress import Progress
 from taskschema_robot.agent.world import EpisodeDroppedError
+from taskschema_robot.errors import RobotError
 from taskschema_robot.safety.fault import FaultError, RecoveryError
 
 log = logging.getLogger("taskschema.robot")
@@ -104,19 +105,35 @@ class RobotAgent:
                 trajectory, record = self._runner.run(key, policy)
                 trajectory = self._reviewed(trajectory, record)
             except FaultError as error:
-                attempt = self._log.drop(item)
-                self._operator.dropped(str(error))
-                self._recover(error)
+                attempt = self._drop(item, key, error)
+                try:
+                    self._recover(error)
+                finally:
+                    self._count_dropped(item, attempt, error)
             except EpisodeDroppedError as error:
-                attempt = self._log.drop(item)
-                self._operator.dropped(str(error))
+                attempt = self._drop(item, key, error)
+                self._count_dropped(item, attempt, error)
             else:
                 self.progress.add(item.round, item.slot, attempt, trajectory.success, record)
+                outcome = "success" if trajectory.success else "failure"
+                log.info(
+                    "%s: %s after %d steps, %.0f s", _words(key), outcome, len(trajectory), record.seconds
+                )
                 return trajectory
         raise EpisodeDroppedError(
             f"The episode of round {item.round}, slot {item.slot} was dropped {attempt} times: see the log, "
             "mend what it says, and start the agent again."
         )
+
+    def _drop(self, item: WorkItem, key: EpisodeKey, error: RobotError) -> int:
+        """Note that a try does not count; return how many of this slot have not."""
+        log.warning("%s: dropped: %s", _words(key), error)
+        self._operator.dropped(str(error))
+        return self._log.drop(item)
+
+    def _count_dropped(self, item: WorkItem, attempts: int, error: RobotError) -> None:
+        """Count what a dropped try took, its recovery included: the arms were at it all the same."""
+        self.progress.add_dropped(item.round, item.slot, attempts - 1, self._runner.so_far(), str(error))
 
     def _recover(self, stopped: FaultError) -> None:
         """Wait for a person's acknowledgement, then bring the arms home slowly; again if that fails, too."""
@@ -137,11 +154,17 @@ class RobotAgent:
 
     def _reviewed(self, trajectory: Trajectory, record: EpisodeRecord) -> Trajectory:
         """Return the trajectory with the outcome that a person lets stand."""
+        log.info("Judged as %s: %s", record.outcome, record.reason)
         success = self._operator.review(record)
         if success is None:
             raise EpisodeDroppedError("A person dropped it.")
         if success == trajectory.success:
             return trajectory
+        log.warning("A person undid it: it was a %s", "success" if success else "failure")
         if not success and len(trajectory) < self._task.horizon:
             raise EpisodeDroppedError("It ended early as a success that it was not.")
         return dataclasses.replace(trajectory, success=success)
+
+
+def _words(key: EpisodeKey) -> str:
+    return f"Round {key.round}, slot {key.slot}, attempt {key.attempt}"

@@ -1,8 +1,10 @@
 """The person beside the robots, at a terminal: what happens next, resets, pause, undo, faults."""
 
+import logging
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
 
 from rich.console import Console
 from rich.panel import Panel
@@ -16,6 +18,8 @@ from taskschema_robot.agent.world import EpisodeDroppedError
 from taskschema_robot.objects.robot_object import RobotObject
 from taskschema_robot.reward.judge import Judgement
 from taskschema_robot.safety.fault import Fault
+
+log = logging.getLogger("taskschema.robot")
 
 KEYS = "space or s: STOP both arms (not safety rated)   p: pause   u: undo an outcome   d: drop it   q: quit"
 UNDO_SECONDS = 3.0
@@ -57,18 +61,16 @@ class TerminalOperator:
         table = Table.grid(padding=(0, 3))
         left = progress.hours_left()
         table.add_row("next", key)
-        table.add_row(
-            "done", f"{progress.episodes} episodes, {progress.skills} skills, {progress.hours:.1f} h"
-        )
+        table.add_row("done", f"{progress.episodes} episodes; dropped tries: {progress.dropped}")
+        table.add_row("so far", f"{progress.skills} skills, {progress.hours:.1f} hours on the robot's clock")
         table.add_row("success", f"{progress.success:.0%} of the last {len(progress.recent)}, to 90 % of 100")
         table.add_row("hours left", "unknown yet" if left is None else f"{left:.1f}")
         self._console.print(Panel(table, title="Next episode", subtitle=KEYS))
         while (pressed := self._take_key()) is not None:
             if pressed == "q":
-                self._quit_requested()
-                raise EpisodeDroppedError("A person ended the session.")
+                self._quit()
             if pressed == "p":
-                self._read_line("Paused; nothing moves. Press Enter to go on. ")
+                self._pause()
 
     def review(self, record: EpisodeRecord) -> bool | None:
         """Show the outcome; a person may undo it for a few seconds."""
@@ -89,9 +91,19 @@ class TerminalOperator:
                     f"It was a {'failure' if success else 'success'} then? y / n / d to drop: ", success
                 )
             if pressed == "p":
-                self._read_line("Paused; nothing moves. Press Enter to go on. ")
+                self._pause()
             time.sleep(POLL_SECONDS)
         return success
+
+    def _pause(self) -> None:
+        log.info("A person paused")
+        self._read_line("Paused; nothing moves. Press Enter to go on. ")
+        log.info("A person goes on")
+
+    def _quit(self) -> NoReturn:
+        log.info("A person ends the session")
+        self._quit_requested()
+        raise EpisodeDroppedError("A person ended the session.")
 
     def _ask(self, question: str, success: bool) -> bool | None:
         answer = self._read_line(question).strip().lower()[:1]
@@ -117,6 +129,7 @@ class TerminalOperator:
         )
         self._console.print(Panel(words, title="TAKE THE OBJECT", style="bold yellow"))
         self._read_line("Press Enter when you hold it: ")
+        log.info("A person has taken the object")
 
     def dropped(self, reason: str) -> None:
         """Say that an episode does not count."""
@@ -131,12 +144,15 @@ class TerminalOperator:
         steps = "\n".join(f"{number}. {step}" for number, step in enumerate(item.reset, 1))
         where = f"Centre at x {100 * wanted[0]:+.0f} cm, y {100 * wanted[1]:+.0f} cm of the table's centre."
         self._console.print(Panel(f"{steps}\n{where}\nPicture: {picture}", title=f"Reset: {item.name}"))
+        log.info("Reset asked for%s", f": {problem}" if problem else "")
         if self._read_line("Press Enter when it is there and you are clear of the arms. ").strip() == "q":
-            self._quit_requested()
-            raise EpisodeDroppedError("A person ended the session.")
+            self._quit()
 
     def ask_outcome(self, judgement: Judgement) -> bool | None:
         """Ask what the camera does not see."""
         self._console.print(f"The outcome is unknown: {judgement.reason}")
         answer = self._read_line("Was it a success? y / n / Enter if you do not know: ").strip().lower()[:1]
-        return {"y": True, "n": False}.get(answer)
+        said = {"y": True, "n": False}.get(answer)
+        words = {True: "a success", False: "a failure", None: "not known"}[said]
+        log.info("The outcome is unknown (%s); by a person's word it is %s", judgement.reason, words)
+        return said

@@ -21,6 +21,7 @@ from taskschema.tasks.registry import task_of
 from taskschema.tasks.scene_task import SceneTask
 from taskschema_robot.agent.episode import EpisodeRunner
 from taskschema_robot.agent.folder_lock import only_agent_of
+from taskschema_robot.agent.refusal_picture import RefusalPicture
 from taskschema_robot.agent.robot_agent import LEASE_SECONDS, RobotAgent
 from taskschema_robot.agent.stop_endpoint import StopEndpoint
 from taskschema_robot.agent.twin_world import TrueWorld
@@ -105,7 +106,16 @@ def serve(options: Serving, stop: threading.Event) -> None:
         size, release = np.array(item.size), person.operator.release
         observer = frame_observer(task, size, eyes, hardware.clock) if eyes and sees_images else None
         runner = EpisodeRunner(
-            task, size, person.attend(gate), world, hardware.clock, limits, person.preview, release, observer
+            task,
+            size,
+            person.attend(gate),
+            world,
+            hardware.clock,
+            limits,
+            person.preview,
+            release,
+            observer,
+            RefusalPicture(folder / "refused.png"),
         )
         agent_id = f"robot-{socket.gethostname()}"
         bus = WorkerBus(connect(url), run, agent_id, kind="robot", lease_seconds=LEASE_SECONDS)

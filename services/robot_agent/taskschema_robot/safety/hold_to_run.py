@@ -9,8 +9,8 @@ HOLD_KEY = "h"
 """The one key that counts: every other has a meaning of its own, or none."""
 FIRST_REPEAT = 0.7
 """Within which a held key comes a second time [s]: terminals wait up to two thirds of a second."""
-LONGEST_GAP = 0.2
-"""Between two repeats after that [s]; terminals send one every 30 to 90 ms."""
+LONGEST_GAP = 0.4
+"""Between two repeats after that [s]; terminals send one every 30 to 90 ms, a network may hold some back."""
 
 
 class HoldToRun:
