@@ -1,107 +1,187 @@
 """What seeing costs: `python -m bench.images` prints frames, passes and skill steps per second, and shares.
 
-On lateral lifting, with the schema given: the steps of a training on images, timed one by one.
+On lateral lifting, with the schema given: rounds on images that one worker and the learner make after one
+another, over a Redis of their own, each part timed by itself. `python -m bench.image_training` measures whole
+trainings, where workers share the cores.
 """
 
 import argparse
+import tempfile
 import time
-from contextlib import closing
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import torch
 from threadpoolctl import threadpool_limits
 
+from taskschema.bus.admission import SlotResult
+from taskschema.bus.connection import connect
+from taskschema.bus.learner_bus import LearnerBus
+from taskschema.bus.records import RunRecords
+from taskschema.bus.worker_bus import WorkerBus
 from taskschema.config import ImageConfig, RunConfig
-from taskschema.policies import ImagePolicy, policy_of
+from taskschema.policies import ImagePolicy, PolicySnapshot
 from taskschema.randomness import EpisodeKey, Purpose, generator, round_generator
 from taskschema.tasks.lateral_lifting import LateralLifting
+from taskschema.trajectory import encode_slot
+from taskschema_learner.embedded_redis import EmbeddedRedis
 from taskschema_learner.initial_weights import initial_spatial_weights
 from taskschema_learner.learner import Learner
 from taskschema_learner.machine import machine
 from taskschema_learner.spatial_network import SpatialNetwork
-from taskschema_worker.environments import make_environment
-from taskschema_worker.rollout import collect_slots
+from taskschema_worker.seen_scene_environment import SeenSceneEnvironment
+from taskschema_worker.worker import Worker
+
+RUN = "bench"
+TASK = LateralLifting()
+RENDERING, ACTING, RUNNING, SENDING = "rendering", "acting", "running", "sending"
+COLLECTING, TAKING_IN, LEARNING = "collecting", "taking in", "learning"
+PARTS = (
+    "rendering",
+    "acting",
+    "simulation and planning",
+    "leasing, and waiting for what is sent",
+    "taking in what was sent",
+    "learning",
+)
 
 
-def timed(environment: object, name: str, spent: dict[str, float]) -> None:
-    """Count the processor time of a method under its name."""
-    method = getattr(environment, name)
+class Spent:
+    """Wall time and this process's processor time [s], by part of the work."""
 
-    def wrapper(*arguments):
-        started = time.process_time()
-        result = method(*arguments)
-        spent[name] = spent.get(name, 0.0) + time.process_time() - started
-        return result
+    def __init__(self) -> None:
+        self.wall: defaultdict[str, float] = defaultdict(float)
+        self.processor: defaultdict[str, float] = defaultdict(float)
 
-    setattr(environment, name, wrapper)
+    @property
+    def clocks(self) -> tuple[dict[str, float], dict[str, float]]:
+        """Wall time, then processor time."""
+        return self.wall, self.processor
+
+    @contextmanager
+    def on(self, part: str) -> Iterator[None]:
+        """Count what happens inside."""
+        wall, processor = time.perf_counter(), time.process_time()
+        yield
+        self.wall[part] += time.perf_counter() - wall
+        self.processor[part] += time.process_time() - processor
+
+    def method(self, owner: type, name: str, part: str) -> Any:
+        """Count the calls of a method while the returned context is entered."""
+        original = getattr(owner, name)
+
+        def counted(*arguments: Any) -> Any:
+            with self.on(part):
+                return original(*arguments)
+
+        return patch.object(owner, name, counted)
 
 
-def collecting(slots: int) -> None:
-    """Print how the time of collecting trajectories on images is spent."""
-    config = RunConfig(task="lateral-lifting", policy="oracle", observation="image", slots=slots)
-    task = LateralLifting()
-    learner = Learner(config, task)
-    policy = policy_of(config, task, learner.snapshot())
-    assert isinstance(policy, ImagePolicy)
-    spent: dict[str, float] = {}
-    with closing(make_environment(task, 1, "image")) as environment:
-        timed(environment._environment, "frames", spent)
-        timed(policy, "act", spent)
-        started = time.process_time()
-        found = collect_slots(
-            environment, policy, seed=0, round_index=0, slots=range(slots), episodes_per_slot=4, horizon=3
-        )
-        seconds = time.process_time() - started
-    trajectories = [item for slot in found for item in slot]
-    steps, frames = sum(map(len, trajectories)), policy.trunk_passes
-    started = time.process_time()
-    learner.update(trajectories)
-    update = time.process_time() - started
-    total = seconds + update
-    print(f"frames rendered: {frames / spent['frames']:.1f} per second")
-    print(f"passes of the small trunk to act: {frames / spent['act']:.0f} per second")
-    print(f"skill steps from images, with learning: {steps / total:.1f} per second")
-    rest = seconds - spent["frames"] - spent["act"]
-    for name, share in (
-        ("rendering", spent["frames"]),
-        ("acting", spent["act"]),
-        ("simulation and planning", rest),
-        ("learning", update),
-    ):
-        print(f"share of {name}: {share / total:.0%}")
+def rounds(slots: int, count: int) -> None:
+    """Print how the time of some rounds on images is spent."""
+    config = RunConfig(task=TASK.name, policy="oracle", observation="image", slots=slots)
+    spent, steps, message_bytes = Spent(), 0, []
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="bench-"))
+        url = stack.enter_context(EmbeddedRedis(Path(folder))).url
+        RunRecords(connect(url)).register_run(RUN, config)
+        learner, bus = Learner(config, TASK), LearnerBus(connect(url), RUN, config)
+        bus.acquire()
+        worker = Worker(WorkerBus(connect(url), RUN, "bench"))
+        stack.callback(worker.close)
+        stack.enter_context(spent.method(SeenSceneEnvironment, "frames", RENDERING))
+        stack.enter_context(spent.method(ImagePolicy, "act", ACTING))
+        stack.enter_context(spent.method(Worker, "_collect", RUNNING))
+        stack.enter_context(spent.method(WorkerBus, "submit", SENDING))
+        for number in range(count):
+            bus.open_round(number, learner.snapshot(), range(slots))
+            results: list[SlotResult] = []
+            while bus.missing:
+                with spent.on(COLLECTING):
+                    worker.run_once(1)
+                with spent.on(TAKING_IN):
+                    results += bus.results(0.1)
+            trajectories = [item for result in results for item in result.trajectories]
+            with spent.on(LEARNING):
+                learner.update(trajectories)
+            bus.trim(number)
+            steps += sum(map(len, trajectories))
+            message_bytes += [len(encode_slot(result.trajectories)) for result in results]
+    _print_rounds(spent, steps)
+    sending, running, collecting = (spent.wall[part] for part in (SENDING, RUNNING, COLLECTING))
+    milliseconds = 1e3 * sending / len(message_bytes)
+    print(f"\na slot has {np.mean(message_bytes) / 1e6:.2f} MB and takes {milliseconds:.1f} ms to send:")
+    print(f"{sending / (running + sending):.1%} of a worker's wall time, if it had to wait for that")
+    print(f"leasing and waiting, as it is: {1 - running / collecting:.1%} of a worker's wall time\n")
+
+
+def _print_rounds(spent: Spent, steps: int) -> None:
+    """Print rates and shares; every step has one frame, which is seen once to act."""
+    table = {
+        "overhead frames rendered": [steps / clock[RENDERING] for clock in spent.clocks],
+        "passes of the small trunk to act": [steps / clock[ACTING] for clock in spent.clocks],
+        "skill steps from images, with learning": [steps / sum(_parts(clock)) for clock in spent.clocks],
+    }
+    print("| a second | of wall time | of processor time |\n|---|---|---|")
+    for name, (wall, processor) in table.items():
+        print(f"| {name} | {wall:.1f} | {processor:.1f} |")
+    print("\n| share | of wall time | of processor time |\n|---|---|---|")
+    shares = [[part / sum(_parts(clock)) for part in _parts(clock)] for clock in spent.clocks]
+    for name, wall, processor in zip(PARTS, *shares, strict=True):
+        print(f"| {name} | {wall:.1%} | {processor:.1%} |")
+
+
+def _parts(clock: dict[str, float]) -> list[float]:
+    """Return the seconds of each of `PARTS`."""
+    simulation = clock[RUNNING] - clock[RENDERING] - clock[ACTING]
+    waiting = clock[COLLECTING] - clock[RUNNING]
+    return [clock[RENDERING], clock[ACTING], simulation, waiting, clock[TAKING_IN], clock[LEARNING]]
 
 
 def frozen_trunk(frames: int) -> None:
-    """Print what an epoch on cached features costs against one that runs the frozen trunk."""
-    config = RunConfig(task="lateral-lifting", observation="image", image=ImageConfig(trunk="vgg16"))
-    task = LateralLifting()
-    network = SpatialNetwork(task, config.image)
-    network.load(initial_spatial_weights(round_generator(0, 0, Purpose.INITIAL_WEIGHTS), config, task))
-    rng = generator(EpisodeKey(0, 0, 0, 0), Purpose.RESET)
+    """Print passes of the frozen trunk, and what an epoch on its cached maps costs against running it."""
+    config = RunConfig(task=TASK.name, observation="image", image=ImageConfig(trunk="vgg16"))
+    weights = initial_spatial_weights(round_generator(0, 0, Purpose.INITIAL_WEIGHTS), config, TASK)
+    network = SpatialNetwork(TASK, config.image)
+    network.load(weights)
+    keys = [EpisodeKey(0, 0, 0, index) for index in range(frames)]
+    streams = [generator(key, Purpose.ACTION) for key in keys]
+    rng = generator(keys[0], Purpose.RESET)
     seen = rng.integers(0, 256, (frames, 256, 256, 3), dtype=np.uint8)
-    started = time.process_time()
-    features = network.inputs(seen)
-    trunk = time.process_time() - started
-    started = time.process_time()
-    evaluation = network(features)
-    loss = evaluation.mean.square().mean() + evaluation.response.square().mean()
-    torch.autograd.grad(loss, network.flat)
-    epoch = time.process_time() - started
-    print(f"passes of VGG16's trunk to learn: {frames / trunk:.2f} per second")
-    print(f"an epoch on cached features: {epoch / trunk:.1%} of running the trunk")
+    snapshot = PolicySnapshot(0, weights, np.zeros((TASK.horizon, len(TASK.pairs))))
+    policy, spent = ImagePolicy(snapshot, TASK, "vgg16"), Spent()
+    with spent.on("act"):
+        policy.act(seen, 0, streams)
+    with spent.on("learn"):
+        features = network.inputs(seen)
+    with spent.on("epoch"):
+        evaluation = network(features)
+        loss = evaluation.mean.square().mean() + evaluation.response.square().mean()
+        torch.autograd.grad(loss, network.flat)
+    clock = spent.processor
+    print(f"passes of VGG16's trunk to act: {frames / clock['act']:.2f} per second of processor time")
+    print(f"passes of VGG16's trunk to learn: {frames / clock['learn']:.2f} per second of processor time")
+    print(f"an epoch on cached features: {clock['epoch'] / clock['learn']:.1%} of running the trunk")
 
 
 def main() -> None:
-    """Measure processor time of all threads, products on one: other work on the machine does not count."""
+    """Measure with products on one thread; other work on the machine changes the wall time alone."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--slots", type=int, default=10)
-    parser.add_argument("--frames", type=int, default=8)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--frames", type=int, default=8, help="that VGG16 sees; 0: leave it out")
     options = parser.parse_args()
-    print(f"On {machine()}, processor time, products on one thread.")
+    print(f"On {machine()}, products on one thread.\n")
     with threadpool_limits(limits=1):
         torch.set_num_threads(1)
-        collecting(options.slots)
-        frozen_trunk(options.frames)
+        rounds(options.slots, options.rounds)
+        if options.frames:
+            frozen_trunk(options.frames)
 
 
 if __name__ == "__main__":

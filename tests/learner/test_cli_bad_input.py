@@ -153,3 +153,9 @@ def test_debug_shows_where_an_error_comes_from(place):
     )
     assert result.returncode == 1
     assert "Traceback" in result.stderr
+
+
+def test_images_without_a_renderer(place, monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "glfw")
+    message = refused(place, "train", "lateral-lifting", "--observation", "image", "--workers", "1")
+    assert "MUJOCO_GL=glfw cannot draw off screen: set it to egl or osmesa" in message

@@ -22,6 +22,7 @@ from taskschema.errors import ConfigError, RunFolderError
 from taskschema.logs import bind
 from taskschema.policies import PolicySnapshot
 from taskschema.tasks.registry import task_of
+from taskschema.tasks.scene_task import SceneTask
 from taskschema_learner.api.process import ApiProcess
 from taskschema_learner.api.transport import Tls
 from taskschema_learner.embedded_redis import EmbeddedRedis
@@ -78,6 +79,7 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
     """
     if options.ray is not None and options.redis is None:
         raise ConfigError("--ray on a cluster needs --redis: its workers cannot reach the embedded Redis.")
+    _require_renderer(options)
     stop = threading.Event()
     with ExitStack() as stack:
         stack.enter_context(_stopped_by_signals(stop))
@@ -122,6 +124,23 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
             api_token=api.token if api and api.token_is_generated else None,
         )
         return _train_to_the_end(parts, options.limits, context, stop, crew)
+
+
+def _require_renderer(options: TrainOptions) -> None:
+    """Refuse to start workers here that cannot draw what they are to see: each would end at once, and again.
+
+    A cluster's machines have renderers of their own, which nothing here can look at.
+
+    Raises:
+        RenderingError: that says what to install.
+
+    """
+    config = options.config
+    elsewhere = options.ray is not None or options.agent == "robot"
+    if config.observation == "image" and not elsewhere and isinstance(task_of(config), SceneTask):
+        from taskschema_worker.rendering.backend import working_backend
+
+        working_backend()
 
 
 def _forget_obeyed_stop(records: RunRecords, run: str) -> None:
