@@ -20,6 +20,7 @@ from types import FrameType
 from tests.compose.commands import ask_the_tools, back_up, press_the_emergency_stop, restore_and_upgrade
 from tests.compose.comparison import embedded_hash, finish
 from tests.compose.engine import SkippedError, compose_command
+from tests.compose.monitoring import watch_with_prometheus
 from tests.compose.schema_watch import SchemaWatch
 from tests.compose.secrets_check import check_secrets_at_rest, check_secrets_of_running
 from tests.compose.stack import (
@@ -103,6 +104,8 @@ def check(stack: Stack) -> str:
         check_secrets_of_running(stack)
         stack.post(f"/runs/{RUN}/resume")
         stack.rounds_pass(1)
+        prometheus = watch_with_prometheus(stack)
+        say(f"watched with {prometheus}")
     assert not watch.failures, f"{len(watch.failures)} requests for the schema failed: {watch.failures[0]}"
     assert watch.versions == sorted(watch.versions), "an older schema was answered after a newer one"
     back_up(stack)
@@ -122,7 +125,7 @@ def check(stack: Stack) -> str:
         f"times, slowest {1e3 * watch.slowest:.0f} ms, {watch.excused_failures} not answered while API or "
         f"Redis was restarted; {2 * ROBOT_SLOTS} episodes of the robot's twin learned from after "
         f"{twin:.0f} s; hash {here[:12]} after {rounds} rounds equals the embedded run's, and that of its "
-        "backup restored; no secret in images, processes, volumes and logs"
+        f"backup restored; watched with {prometheus}; no secret in images, processes, volumes and logs"
     )
 
 

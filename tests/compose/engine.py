@@ -29,12 +29,16 @@ def compose_command() -> list[str]:
     if not found:
         raise SkippedError("neither `docker compose` nor `docker-compose` is there")
     for image in base_images():
-        if not (
-            _works("docker", "image", "inspect", image)
-            or _works("docker", "pull", image, seconds=PULL_SECONDS)
-        ):
+        if not has_image(image):
             raise SkippedError(f"the engine has no image {image} and cannot pull it")
     return found[0]
+
+
+def has_image(image: str) -> bool:
+    """Return whether the engine has an image, or can pull it."""
+    return _works("docker", "image", "inspect", image) or _works(
+        "docker", "pull", image, seconds=PULL_SECONDS
+    )
 
 
 def base_images() -> list[str]:

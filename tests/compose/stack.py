@@ -19,7 +19,7 @@ PROJECT = "taskschema-test"
 RUN, ROBOT_RUN = "compose-test", "compose-test-robot"
 ROBOT_SLOTS = 2
 """Episodes a round of the robot's run: the paper's 167 take minutes on the twin."""
-PROFILES = ("--profile", "tools", "--profile", "robot")
+PROFILES = ("--profile", "tools", "--profile", "robot", "--profile", "monitoring")
 COMMAND_SECONDS = 1800.0
 """Longest wait for a command that builds, starts or trains [s]."""
 DOCKER_SECONDS = 300.0
