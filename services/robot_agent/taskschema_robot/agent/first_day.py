@@ -1,6 +1,6 @@
 """The list of the first day on hardware: what is looked at, then what is moved, one thing at a time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -13,13 +13,25 @@ from taskschema.skills.pairs import ARMS
 from taskschema_robot.clock import Clock
 from taskschema_robot.drivers.driver import ArmState
 from taskschema_robot.errors import RobotError
+from taskschema_robot.finding import Finding
 from taskschema_robot.safety.fault import FaultError
 from taskschema_robot.safety.gate import SafetyGate
 
 STATES = 100
 """Joint states that are timed."""
+LOOK_SECONDS = 0.05
+"""Between two looks for a button [s]."""
 NUDGE = 0.05
 """How far one joint of one arm is moved [rad]."""
+REST_SHARE = 0.25
+"""Of what the gate allows at a hand: a free hand at rest that feels more is not calibrated, or touches."""
+BUTTON_SECONDS = 60.0
+"""How long a person may take to press or release a button [s]."""
+
+Look = Callable[[], Sequence[Finding]]
+"""Looks at something beside the arms: the camera, the run."""
+Press = Callable[[int, bool], None]
+"""Has the emergency stop of an arm (0 left, 1 right) pressed, or released; need not wait for it."""
 
 
 class FirstDay:
@@ -31,6 +43,8 @@ class FirstDay:
         limits: the gate's, at a tenth of the arms' speed.
         confirm: asks a person before anything moves.
         say: writes a line.
+        press: asks a person for the emergency stop buttons.
+        looks: at what is beside the arms.
 
     """
 
@@ -41,9 +55,12 @@ class FirstDay:
         limits: SafetyLimits,
         confirm: Callable[[str], bool],
         say: Callable[[str], None],
+        press: Press,
+        looks: Sequence[Look] = (),
     ) -> None:
         self._gate, self._clock, self._limits = gate, clock, limits
         self._confirm, self._say = confirm, say
+        self._press, self._looks = press, looks
 
     def look(self) -> bool:
         """Check everything that can be checked without moving; return whether all is good."""
@@ -52,6 +69,8 @@ class FirstDay:
         good = [self._reported(name, state) for name, state in zip(ARMS, states, strict=True)]
         good.append(self._rates())
         good.append(self._clear())
+        for look in self._looks:
+            good += [self._note(item.good, item.what, item.words) for item in look()]
         return all(good)
 
     def move(self) -> bool:
@@ -59,6 +78,10 @@ class FirstDay:
         items: list[tuple[str, Callable[[], None]]] = [
             ("Enable both arms and calibrate both grippers: the fingers move", self._gate.prepare)
         ]
+        for arm, name in enumerate(ARMS):
+            words = f"Press the {name} robot's emergency stop button, see it, release it"
+            items.append((words, lambda arm=arm: self._emergency_stop(arm)))  # type: ignore[misc]
+        items.append(("Close and open both grippers, which hold nothing", self._close_and_open))
         for arm, name in enumerate(ARMS):
             items.append((f"Turn the {name} wrist by 3 degrees and back", lambda arm=arm: self._nudge(arm)))  # type: ignore[misc]
         items.append(("Stop both arms by software, then acknowledge", self._stop_and_acknowledge))
@@ -85,10 +108,21 @@ class FirstDay:
         good.append(self._note(not state.emergency_stop, f"{name} emergency stop", stop))
         error = "reports an error: see its own screen" if state.error else "reports no error"
         good.append(self._note(not state.error, f"{name} arm", error))
+        good.append(self._at_rest(name, state))
         skew = abs(state.stamp - state.time)
         words = f"{skew:.3f} s beside ours" + ("" if skew < 0.1 else ": synchronise both with NTP")
         good.append(self._note(skew < 0.1, f"{name} clock", words))
         return all(good)
+
+    def _at_rest(self, name: str, state: ArmState) -> bool:
+        """Check that a hand that touches nothing says so."""
+        force, torque = np.sqrt((state.wrench.reshape(2, 3) ** 2).sum(axis=1)).tolist()
+        most_force, most_torque = REST_SHARE * self._limits.force, REST_SHARE * self._limits.torque
+        good = force < most_force and torque < most_torque
+        words = f"{force:.0f} N and {torque:.1f} Nm at rest"
+        if not good:
+            words += f", {most_force:.0f} N and {most_torque:.1f} Nm are the most: does it touch something?"
+        return self._note(good, f"{name} hand", words)
 
     def _rates(self) -> bool:
         """Time the joint states of both arms."""
@@ -113,9 +147,32 @@ class FirstDay:
             refusal is None, "arms and table", refusal.reason if refusal else "clear of each other"
         )
 
-    def _still(self, joints: FloatArray) -> Motion:
-        opening = np.full((2, 2), rethink_gripper().open)
-        return Motion(np.repeat(joints[:, None], 2, axis=1), opening, self._limits.period)
+    def _still(self, joints: FloatArray, opening: float | None = None) -> Motion:
+        wide = rethink_gripper().open if opening is None else opening
+        return Motion(np.repeat(joints[:, None], 2, axis=1), np.full((2, 2), wide), self._limits.period)
+
+    def _emergency_stop(self, arm: int) -> None:
+        """Have a button pressed and released, see both, and enable the arm again."""
+        for pressed in (True, False):
+            self._press(arm, pressed)
+            deadline = self._clock.now() + BUTTON_SECONDS
+            while self._gate.states()[arm].emergency_stop is not pressed:
+                if self._clock.now() > deadline:
+                    what = "pressed" if pressed else "released"
+                    raise RobotError(f"nobody {what} it, or the robot does not say so: check its cable.")
+                self._clock.sleep_until(self._clock.now() + LOOK_SECONDS)
+            if pressed and self._gate.states()[arm].ready:
+                raise RobotError("the arm says it would still move: do not use it.")
+        self._gate.prepare()
+
+    def _close_and_open(self) -> None:
+        """Close and open both hands: the gate waits for what they acknowledge and do."""
+        joints = np.stack([state.positions for state in self._gate.states()])
+        gripper = rethink_gripper()
+        for opening in (gripper.closed, gripper.open):
+            refusal = self._gate.execute(self._still(joints, opening))
+            if refusal is not None:
+                raise RobotError(f"refused: {refusal.reason}.")
 
     def _nudge(self, arm: int) -> None:
         """Turn one wrist a little and back."""

@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -9,7 +11,9 @@ import typer
 from taskschema_robot.cli.options import DriverName, LeftAddress, PyrobotPython, RightAddress
 
 if TYPE_CHECKING:
-    from taskschema_robot.agent.first_day import FirstDay
+    from taskschema_robot.agent.first_day import FirstDay, Look, Press
+    from taskschema_robot.cli.arms import Hardware
+    from taskschema_robot.twin.client import TwinClient
 
 
 def register(app: typer.Typer) -> None:
@@ -23,6 +27,19 @@ def check(
     right: RightAddress = None,
     driver: DriverName = "rosbridge",
     pyrobot_python: PyrobotPython = "python3",
+    camera: Annotated[
+        str | None, typer.Option(metavar="SOURCE", help="Also look through this camera: number or URL.")
+    ] = None,
+    lens: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Its lens, from `calibrate --lens`.")
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option("--run", metavar="RUN", help="Also look for this run, or its folder.")
+    ] = None,
+    redis: Annotated[
+        str | None,
+        typer.Option(metavar="URL", envvar="TASKSCHEMA_REDIS_URL", help="The run's Redis, if not in RUN."),
+    ] = None,
     move: Annotated[bool, typer.Option("--move", help="Also move: hands, then both arms, slowly.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: for a twin.")] = False,
 ) -> None:
@@ -51,9 +68,48 @@ def check(
             hardware = robot_hardware(stack, Robots((left, right), driver, pyrobot_python))
         limits = SafetyLimits(speed_ratio=0.1)
         gate = SafetyGate(hardware.drivers, hardware.clock, limits)
-        day = FirstDay(gate, hardware.clock, limits, _confirmation(yes), print)
+        looks = [*_camera(stack, hardware, camera, lens), *_run(name, redis)]
+        press = _press_in(hardware.twin) if yes and hardware.twin is not None else _press
+        day = FirstDay(gate, hardware.clock, limits, _confirmation(yes), print, press, looks)
         if not _walk(day, move):
             raise NotReadyError("Not everything is as it should be: mend what is marked, and check again.")
+
+
+def _camera(stack: ExitStack, hardware: "Hardware", source: str | None, lens: Path | None) -> "list[Look]":
+    """Return what looks through the overhead camera, if there is one."""
+    from taskschema_robot.agent.surroundings import look_through
+    from taskschema_robot.cli.eyes import open_eyes
+
+    if hardware.twin is None and source is None:
+        print("left  camera: nobody looks through it without --camera SOURCE and --lens FILE")
+        return []
+    eyes = open_eyes(stack, hardware, source, lens)
+    return [partial(look_through, eyes.camera, eyes.intrinsics, hardware.clock)]
+
+
+def _run(name: str | None, redis: str | None) -> "list[Look]":
+    """Return what looks for the run, if one is named."""
+    from taskschema_robot.agent.surroundings import look_for_run
+    from taskschema_robot.cli.serving import embedded_redis_url
+
+    if name is None:
+        print("left  run: nobody looks for one without --run RUN")
+        return []
+    return [partial(look_for_run, redis or embedded_redis_url(Path(name)), Path(name).name)]
+
+
+def _press(arm: int, pressed: bool) -> None:
+    """Ask for a button and go on at once: the robot says when it has happened."""
+    from taskschema.skills.pairs import ARMS
+
+    print(f"  {'Press' if pressed else 'Release'} the {ARMS[arm]} robot's emergency stop button now.")
+
+
+def _press_in(twin: "TwinClient") -> "Press":
+    """Return what presses a twin's buttons."""
+    from taskschema_robot.twin.faults import FaultKind
+
+    return lambda arm, pressed: twin.inject(FaultKind.PRESS_EMERGENCY_STOP, arm, active=pressed)
 
 
 def _confirmation(yes: bool) -> Callable[[str], bool]:

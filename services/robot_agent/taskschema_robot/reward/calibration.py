@@ -1,7 +1,6 @@
 """Checking a set-up: what the camera sees of the markers, and whether it is good enough."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -9,6 +8,7 @@ import numpy as np
 from taskschema.arrays import FloatArray
 from taskschema_robot.camera.camera import Frame, Intrinsics
 from taskschema_robot.errors import CameraError
+from taskschema_robot.finding import Finding
 from taskschema_robot.objects.marker import table_markers
 from taskschema_robot.objects.robot_object import RobotObject
 from taskschema_robot.reward.detector import MarkerDetector
@@ -23,15 +23,6 @@ LENS_VIEWS = 15
 """Asked for."""
 LEAST_VIEWS = 8
 """Of the marker board, for the lens."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One item of a check."""
-
-    what: str
-    good: bool
-    words: str
 
 
 def check_view(frames: Sequence[Frame], intrinsics: Intrinsics, item: RobotObject | None) -> list[Finding]:

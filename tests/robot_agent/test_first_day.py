@@ -1,0 +1,139 @@
+"""The first day's list, on a twin: what is good, what is not, and what is said of it."""
+
+import numpy as np
+import pytest
+from marker_scene import INTRINSICS, draw
+from recording_arms import TestBench
+from twin_setup import LockStep
+
+from taskschema.config import RunConfig
+from taskschema.safety.limits import SafetyLimits
+from taskschema_robot.agent import first_day
+from taskschema_robot.agent.first_day import FirstDay
+from taskschema_robot.agent.surroundings import look_for_run, look_through
+from taskschema_robot.camera.camera import Frame
+from taskschema_robot.finding import Finding
+from taskschema_robot.objects.marker import table_markers
+from taskschema_robot.reward.poses import Pose
+from taskschema_robot.safety.gate import SafetyGate
+from taskschema_robot.twin.faults import FaultKind
+
+LIMITS = SafetyLimits(speed_ratio=0.1)
+
+
+class Day:
+    """A list with its lines; everything is confirmed."""
+
+    def __init__(self, gate, clock, press=lambda arm, pressed: None, looks=()) -> None:
+        self.lines: list[str] = []
+        self.day = FirstDay(gate, clock, LIMITS, lambda question: True, self.lines.append, press, looks)
+
+    def line(self, what: str) -> str:
+        return next(line for line in self.lines if what in line)
+
+
+@pytest.fixture
+def twin():
+    running = LockStep()
+    yield running
+    running.close()
+
+
+def on_twin(twin: LockStep) -> Day:
+    def press(arm: int, pressed: bool) -> None:
+        twin.client.inject(FaultKind.PRESS_EMERGENCY_STOP, arm, active=pressed)
+
+    return Day(SafetyGate(twin.arms, twin.clock, LIMITS), twin.clock, press)
+
+
+def test_the_whole_list_on_a_twin(twin):
+    day = on_twin(twin)
+    assert day.day.look(), day.lines
+    assert day.line("left hand").endswith("0 N and 0.0 Nm at rest")
+    assert day.day.move(), day.lines
+    done = [line for line in day.lines if line.endswith(": done")]
+    assert len(done) == 7
+    assert sum("emergency stop button" in line for line in done) == 2
+    assert sum("Close and open both grippers" in line for line in done) == 1
+    assert all(state.ready for state in (arm.state() for arm in twin.arms))
+    assert all(arm.gripper_acknowledged for arm in twin.arms)
+
+
+def test_a_button_that_nobody_presses_or_sees(twin, monkeypatch):
+    monkeypatch.setattr(first_day, "BUTTON_SECONDS", 0.5)
+    day = on_twin(twin)
+    day.day._press = lambda arm, pressed: None
+    assert not day.day.move()
+    assert day.lines[-1].startswith("MEND  Press the left robot's emergency stop button")
+    assert "nobody pressed it" in day.lines[-1]
+
+
+def test_a_gripper_that_does_not_acknowledge(twin):
+    twin.client.inject(FaultKind.LOSE_ACKNOWLEDGEMENT, 1)
+    day = on_twin(twin)
+    assert not day.day.move()
+    assert day.lines[-1].startswith("MEND  Close and open both grippers")
+    assert "right gripper" in day.lines[-1]
+
+
+@pytest.mark.parametrize("wrench", [[0, 25.0, 0, 0, 0, 0], [0, 0, 0, 5.0, 0, 0]])
+def test_a_hand_that_feels_something_at_rest(wrench):
+    bench = TestBench()
+    bench.arms[1].changes["wrench"] = np.array(wrench)
+    day = Day(bench.gate, bench.clock)
+    assert not day.day.look()
+    assert day.line("right hand").startswith("MEND")
+    assert day.line("left hand").startswith("good")
+
+
+def test_what_is_looked_at_beside_the_arms_counts():
+    bench = TestBench()
+    good = Day(bench.gate, bench.clock, looks=[lambda: [Finding("camera", True, "fine")]])
+    assert good.day.look()
+    bad = Day(bench.gate, bench.clock, looks=[lambda: [Finding("camera", False, "dark")]])
+    assert not bad.day.look()
+    assert bad.lines[-1] == "MEND  camera: dark"
+
+
+class Camera:
+    """Takes the same picture again and again, under new numbers or not."""
+
+    def __init__(self, image: np.ndarray, *, counts: bool = True) -> None:
+        self.image, self.counts, self.number = image, counts, 0
+
+    def latest(self) -> Frame:
+        self.number += self.counts
+        return Frame(0.0, self.number, self.image)
+
+
+def test_the_cameras_picture_and_markers():
+    clock = TestBench().clock
+    table = Pose(np.zeros(3), np.eye(3))
+    picture = draw([(marker, table) for marker in table_markers()])
+    found = {item.what: item for item in look_through(Camera(picture), INTRINSICS, clock)}
+    assert found["camera picture"].words == "1920 x 1080 pixels"
+    assert all(item.good for item in found.values())
+    dark = {item.what: item for item in look_through(Camera(np.zeros_like(picture)), INTRINSICS, clock)}
+    assert dark["camera picture"].good
+    assert not dark["table markers"].good
+    (still,) = look_through(Camera(picture, counts=False), INTRINSICS, clock)
+    assert not still.good
+    assert "1 new ones in 5 s" in still.words
+
+
+def test_redis_and_the_run(run):
+    place, found = look_for_run(run.url, run.name)
+    assert place.good
+    assert not found.good  # four episodes a slot: not for a robot
+    assert "--agent robot" in found.words
+    robots = RunConfig(task="lateral-lifting", slots=3, episodes_per_slot=1)
+    run.records.register_run("for-robots", robots)
+    _, found = look_for_run(run.url, "for-robots")
+    assert found.good
+    assert found.words.startswith("lateral-lifting, starting")
+    run.records.delete_run("for-robots")
+    _, found = look_for_run(run.url, "no-such-run")
+    assert not found.good
+    (away,) = look_for_run("redis://127.0.0.1:9", run.name)
+    assert not away.good
+    assert "does not answer" in away.words
