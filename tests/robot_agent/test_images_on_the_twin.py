@@ -132,6 +132,7 @@ GREY = np.full((256, 256, 3), 120, dtype=np.uint8)
         (np.zeros((256, 256, 3), dtype=np.uint8), "black"),
         (GREY[:128], "shape"),
         (GREY.astype(np.float32), "uint8"),
+        (GREY + np.array([0, 0, 40], dtype=np.uint8), "BGR"),
     ],
 )
 def test_a_frame_that_no_working_camera_delivers_drops_the_episode(picture, reason):

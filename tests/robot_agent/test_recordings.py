@@ -49,6 +49,24 @@ SCENARIOS = {
     "15": lambda line: True,
 }
 """Scenarios played, and which of their lines."""
+BURSTS = "most of the burst is not in the file; test_bridge_robustness: all of one arrives, in order"
+SLOW = "the frames of slow readers are not in the file"
+LEFT_OUT = {
+    **dict.fromkeys([f"08{letter}" for letter in "abcdefghij"], BURSTS),
+    "11b": "the values of 11 as Python's json spells them; frames are compared parsed, so 11 holds it",
+    "13a": f"{SLOW}; what the system's buffers hold is the machine's, not the twin's",
+    "13b": f"{SLOW}; as 13a",
+    "13c": f"{SLOW}; test_bridge_robustness: a slow reader without a queue silences the topic for all",
+    "13d": f"{SLOW}; test_bridge_robustness: with a queue of one it does not",
+    "13e": f"{SLOW}; as 13d",
+    "15b": "needs a client that stops reading; held by the last test of this file",
+}
+"""Scenarios not played: why, and what holds them instead."""
+
+
+def test_every_recorded_scenario_is_played_or_its_absence_explained():
+    assert set(recording()) == SCENARIOS.keys() | LEFT_OUT.keys()
+    assert not SCENARIOS.keys() & LEFT_OUT.keys()
 
 
 @pytest.fixture(scope="module")

@@ -95,6 +95,21 @@ def test_a_turn_that_nobody_saw_was_forwards():
     assert judge(get_task("rotating"), begin, backwards).outcome is Outcome.FAILURE
 
 
+@pytest.mark.parametrize(
+    ("height", "expected"), [(0.28, Outcome.SUCCESS), (0.20, Outcome.FAILURE), (0.0, Outcome.FAILURE)]
+)
+def test_picking(height, expected):
+    rolled = standing(BALL, 0.02, -0.01, 0.5, height)  # between two hands a ball turns
+    assert outcome("picking", BALL, standing(BALL), rolled).outcome is expected
+
+
+def test_a_ball_that_hands_hide_is_unknown():
+    hidden = tuple(marker.number for marker in BALL.markers)
+    judgement = outcome("picking", BALL, standing(BALL), standing(BALL, height=0.3), hidden=hidden)
+    assert judgement.outcome is Outcome.UNKNOWN
+    assert "none of its markers" in judgement.reason
+
+
 def test_the_balls_height():
     start, end = standing(BALL), standing(BALL, 0.02, 0.0, 0.5, 0.3)
     before, after = (sightings(BALL, pose, count=1)[0].pose for pose in (start, end))

@@ -172,14 +172,18 @@ def check_gripper(motion: Motion, measured: FloatArray, limits: SafetyLimits) ->
 
 
 def check_end(motion: Motion, measured: FloatArray, limits: SafetyLimits) -> Refusal | None:
-    """Check the inverse kinematics' residual: whether the hands end where they were meant to."""
+    """Check the inverse kinematics' residual: whether the hands end above the place they were meant for.
+
+    Height is not compared: arguments name places (Table II), and how high a hand ends is its skill's own
+    affair. A hand that ends too low is the sweep's to refuse; one that ends too high grasps nothing.
+    """
     for index, (kinematics, goal) in enumerate(zip(sawyer_pair(), motion.goals, strict=True)):
         if goal is None:
             continue
         position, _ = kinematics.forward(motion.joints[index, -1:])
         residual = float(np.hypot(*(position[0, :2] - goal)))
         if residual > limits.inverse_residual:
-            reason = f"the {ARMS[index]} hand would end {100 * residual:.1f} cm from where it was meant to"
+            reason = f"the {ARMS[index]} hand would end {100 * residual:.1f} cm beside where it was meant to"
             end = motion.joints[:, -1].copy()
             return Refusal(RefusalKind.INVERSE_KINEMATICS, reason, motion.duration, end)
     return None

@@ -6,7 +6,7 @@ import numpy as np
 
 from taskschema.arrays import AnyArray, FloatArray
 from taskschema.errors import FrameError
-from taskschema.frames import check_alive, check_frames
+from taskschema.frames import check_alive, check_colour_order, check_frames
 from taskschema.tasks.scene_task import SceneTask
 from taskschema.tasks.table_arguments import offset_arguments
 from taskschema_robot.agent.world import EpisodeDroppedError
@@ -53,6 +53,7 @@ class FrameObserver:
         frames = self._view.frame(self._next_picture().image)[None]
         try:
             check_frames(frames)
+            check_colour_order(frames)
             if self._begins and self._first is not None:
                 check_alive(np.concatenate([self._first, frames]))
         except FrameError as error:
