@@ -47,7 +47,7 @@ def run(
     rate: Annotated[int, typer.Option(min=50, max=100, help="Set-points a second.")] = 100,
     stop_port: Annotated[int, typer.Option(help="POST /stop on this port of this machine stops.")] = 8421,
     hold_to_run: Annotated[
-        bool, typer.Option("--hold-to-run", help="Arms move only while a key is held: commissioning.")
+        bool, typer.Option("--hold-to-run", help="Arms move only while h is held down: commissioning.")
     ] = False,
     preview: Annotated[
         bool, typer.Option("--preview", help="Show every plan and ask before it is made: commissioning.")
