@@ -3,10 +3,12 @@
 import msgspec
 import numpy as np
 import pytest
-from bench import physics, publishing, seeds_result
+from bench import image_training, images, physics, publishing, seeds_result
 from bench.fidelity import Agreement, together
 from bench.recorded_rounds import Replay, record, worker_slots
 from bench.reference_physics import blocks, perturbed_outcomes
+from bus_setup import some_metrics
+from rendering_setup import needs_renderer
 
 from taskschema.config import RunConfig
 from taskschema.kinematics.sawyer import sawyer
@@ -110,3 +112,31 @@ def test_seeds_that_did_not_reach_the_goal_are_left_out(tmp_path):
     minutes, episodes = seeds_result.measure(1, tmp_path)
     assert (minutes.value, episodes.value) == (2.0, 400.0)
     assert seeds_result.measure(1, tmp_path / "nowhere") == []
+
+
+def test_a_training_on_images_is_measured_from_its_second_round_on():
+    first, second, third = (
+        msgspec.structs.replace(
+            some_metrics(number),
+            steps=steps,
+            seconds_collect=collecting,
+            seconds_update=4.0,
+            seconds_checkpoint=0.5,
+        )
+        for number, steps, collecting in ((0, 600, 99.0), (1, 1_100, 5.5), (2, 1_700, 5.5))
+    )
+    # 1,100 steps in 2 x (5.5 + 4 + 0.5) = 20 s
+    assert image_training.row(2, [first, second, third]) == "| 2 | 55.0 | 10.0 | 55% | 40% | 5% |"
+
+
+@needs_renderer
+def test_shares_of_images_are_of_all_the_time_and_every_slot_is_sent(capsys):
+    images.rounds(slots=2, count=1)
+    printed = capsys.readouterr().out
+    rows = [line.split("|") for line in printed.splitlines() if line.startswith("| ")]
+    shares = [row[2:4] for row in rows if row[1].strip() in images.PARTS]
+    assert len(shares) == len(images.PARTS)
+    for clock in range(2):
+        assert sum(float(share[clock].strip(" %")) for share in shares) == pytest.approx(100.0, abs=0.4)
+    # 4 episodes of 3 steps, 196,608 bytes each, if all of them fail
+    assert "a slot has 2.36 MB" in printed
