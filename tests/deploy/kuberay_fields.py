@@ -1,4 +1,4 @@
-"""Fields of KubeRay 1.5's RayCluster and RayJob that the manifests may use, with the type of each.
+"""Fields of KubeRay's RayCluster and RayJob (1.5.1 or newer) that the manifests may use, and their types.
 
 Its own schemas, the CRDs of github.com/ray-project/kuberay (Apache-2.0), hold the whole of Kubernetes' pods
 and are some megabytes; pods are checked against Kubernetes' schemas instead. These fields come from
@@ -20,8 +20,6 @@ WORKER_GROUP: Mapping[str, Any] = {
     "minReplicas": int,
     "maxReplicas": int,
     "numOfHosts": int,
-    "idleTimeoutSeconds": int,
-    "suspend": bool,
     "rayStartParams": TEXTS,
     "template": POD_TEMPLATE,
 }
@@ -37,7 +35,7 @@ SPECS: Mapping[str, Mapping[str, Any]] = {
     },
     "RayJob": {
         "clusterSelector": TEXTS,
-        "submissionMode": ("K8sJobMode", "HTTPMode", "InteractiveMode", "SidecarMode"),
+        "submissionMode": ("K8sJobMode", "HTTPMode", "InteractiveMode"),
         "entrypoint": str,
         "entrypointResources": str,
         "entrypointNumCpus": float,
