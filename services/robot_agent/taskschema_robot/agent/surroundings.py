@@ -6,7 +6,7 @@ from taskschema.bus.connection import connect
 from taskschema.bus.records import RunRecords
 from taskschema.bus.url import without_secrets
 from taskschema.errors import TaskschemaError
-from taskschema_robot.camera.camera import Camera, Intrinsics
+from taskschema_robot.camera.camera import Camera, Frame, Intrinsics
 from taskschema_robot.clock import Clock
 from taskschema_robot.errors import CameraError
 from taskschema_robot.finding import Finding
@@ -20,7 +20,8 @@ FRAME_SECONDS = 5.0
 
 def look_through(camera: Camera, intrinsics: Intrinsics, clock: Clock) -> Sequence[Finding]:
     """Return whether new pictures come and what they show of the table's markers."""
-    frames, begin = [], clock.now()
+    frames: list[Frame] = []
+    begin = clock.now()
     try:
         while len(frames) < FRAMES and clock.now() < begin + FRAME_SECONDS:
             frame = camera.latest()
