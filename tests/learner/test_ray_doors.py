@@ -64,3 +64,15 @@ def test_what_ray_prints_while_it_shuts_down_stays_off_standard_error(monkeypatc
     RayRuntime().stop()
     print("a line after it", file=sys.stderr)
     assert capfd.readouterr().err == "a line after it\n"
+
+
+def test_a_ray_that_takes_too_long_to_start_is_one_line(monkeypatch) -> None:
+    import ray
+
+    def too_slow(**settings: object) -> None:
+        raise Exception("The current node timed out during startup.")  # as Ray does
+
+    monkeypatch.setattr(ray, "init", too_slow)
+    with pytest.raises(RayError, match="timed out during startup") as caught:
+        RayRuntime().start()
+    assert "\n" not in str(caught.value)

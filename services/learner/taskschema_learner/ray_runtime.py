@@ -112,7 +112,7 @@ class RayRuntime:
         try:
             with _signal_handlers_kept():
                 ray.init(**settings)
-        except (ConnectionError, OSError, RuntimeError, ValueError, ray.exceptions.RayError) as error:
+        except Exception as error:  # bare ones, too, where a start takes longer than Ray waits
             self.stop()
             raise RayError(self._failure(error)) from error
         if self._folder is not None:
