@@ -13,7 +13,8 @@ INTERVAL_SECONDS = 2.0
 class LearnerLife:
     """A thread, so that a long update does not keep it from beating. A context manager.
 
-    What it says is that the process runs and reaches Redis, and that no newer learner has taken over.
+    What it says is that the process runs and reaches Redis, and that no newer learner has taken over. A
+    process that is killed, stopped or cut off falls silent; a loop that never ends does not.
 
     Args:
         bus: that holds the token.
