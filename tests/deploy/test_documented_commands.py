@@ -42,3 +42,10 @@ def test_each_command_is_typed_by_a_test_or_said_not_to_be(page: str) -> None:
 
 def test_what_the_compose_test_types_stands_in_the_page() -> None:
     assert {*QUESTIONS, SCHEMA, FAULT, f"{FAULT} --off"} <= set(commands("deploy.md"))
+
+
+def test_the_readme_shows_the_same_commands() -> None:
+    shown = commands("../README.md")
+    (submission,) = [line for line in shown if line.startswith("ray job submit")]
+    assert submission in commands("cluster.md")
+    assert SCHEMA in shown
