@@ -212,6 +212,7 @@ def lifting(snapshot: PolicySnapshot) -> PolicySnapshot:
     return dataclasses.replace(snapshot, logits=logits)
 
 
+@pytest.mark.slow  # a held key must keep coming, on a machine with nothing else to do
 @pytest.mark.timeout(900)
 def test_preview_and_hold_to_run_together_at_a_terminal(shared_redis, tmp_path):
     """Plans are looked at, the key is held, the arms move; a stop, its acknowledgement, the way home."""
