@@ -9,16 +9,15 @@ docs/operate.md are typed as they stand there, a backup and its restoration amon
 without one it says so.
 """
 
-import signal
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
-from types import FrameType
 
 from tests.compose.commands import ask_the_tools, back_up, press_the_emergency_stop, restore_and_upgrade
 from tests.compose.comparison import embedded_hash, finish
+from tests.compose.ending import FAILURES, leave_in_order
 from tests.compose.engine import SkippedError, compose_command
 from tests.compose.monitoring import watch_with_prometheus
 from tests.compose.schema_watch import SchemaWatch
@@ -38,8 +37,6 @@ from tests.compose.stack import (
 TASK = "lateral-lifting"
 KILL_ALL = ("sh", "-c", "kill -9 -1")
 """Every process of a container but its init dies at once; the engine's own `kill` would prevent a restart."""
-FAILURES = (AssertionError, RuntimeError, OSError, ValueError, subprocess.SubprocessError)
-"""What a check can end with; time-outs are among them."""
 
 
 def main() -> int:
@@ -49,7 +46,7 @@ def main() -> int:
     except SkippedError as reason:
         print(f"compose-test: skipped: {reason}.")
         return 0
-    signal.signal(signal.SIGTERM, end)
+    leave_in_order("compose-test")
     with tempfile.TemporaryDirectory(prefix="compose-test-") as folder:
         stack = Stack(compose, Path(folder), TASK)
         stack.clean()
@@ -66,12 +63,6 @@ def main() -> int:
             remove_images(dangling_images() - dangling)
     print(f"compose-test: passed in {(time.monotonic() - started) / 60:.1f} min: {line}")
     return 0
-
-
-def end(number: int, frame: FrameType | None) -> None:
-    """Leave by the way that takes everything down and removes the settings."""
-    signal.signal(number, signal.SIG_IGN)
-    raise SystemExit(f"compose-test: FAILED: ended by signal {number}")
 
 
 def what_was_said(stack: Stack) -> str:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from bench import growth
 from tests.compose.comparison import embedded_hash, finish
+from tests.compose.ending import FAILURES, leave_in_order
 from tests.compose.engine import SkippedError, compose_command
 from tests.compose.stack import PROFILES, RUN, Stack
 
@@ -33,11 +34,15 @@ def main() -> int:
     except SkippedError as reason:
         print(f"many-workers: skipped: {reason}.")
         return 0
+    leave_in_order("many-workers")
     with tempfile.TemporaryDirectory(prefix="many-workers-") as folder:
         stack = Stack(compose, Path(folder), TASK, PATIENCE_SECONDS)
         stack.clean()
         try:
             line, containers = measure(stack, options.workers)
+        except FAILURES as error:
+            print(f"many-workers: FAILED: {type(error).__name__}: {error}")
+            return 1
         finally:
             stack.clean()
     if options.write:
