@@ -9,6 +9,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from processes import command_line
 
 from taskschema_learner.run_folder import RunFolder
 
@@ -56,7 +57,7 @@ def wait_for_rounds(run_dir: Path, process: subprocess.Popen[str], count: int) -
 
 def children(process: subprocess.Popen[str], name: str) -> list[psutil.Process]:
     found = psutil.Process(process.pid).children(recursive=True)
-    return [child for child in found if name in " ".join(child.cmdline())]
+    return [child for child in found if name in command_line(child)]
 
 
 def kill_all(processes: list[psutil.Process]) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 import httpx
 import psutil
 import pytest
+from processes import command_line
 from role_redis import RoleRedis, role_redis
 
 COMMAND = str(Path(sys.executable).with_name("taskschema"))
@@ -66,7 +67,7 @@ def collected(server: RoleRedis, folder: Path) -> dict[str, str]:
         try:
             url = wait_for_rounds(training, folder / "output", 3)
             processes = [psutil.Process(training.pid), *psutil.Process(training.pid).children(recursive=True)]
-            commands = {process.pid: " ".join(process.cmdline()) for process in processes}
+            commands = {process.pid: command_line(process) for process in processes}
             seen["process list"] = "\n".join(commands.values())
             (actor,) = [pid for pid, command in commands.items() if "RolloutActor" in command]
             os.kill(actor, signal.SIGKILL)  # Ray must not talk of it amid the JSON

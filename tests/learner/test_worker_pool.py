@@ -10,6 +10,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from processes import command_line
 
 from taskschema.bus.connection import connect
 from taskschema.bus.learner_bus import LearnerBus
@@ -38,12 +39,12 @@ def child_processes(others=frozenset()):
     return [
         child
         for child in psutil.Process().children(recursive=True)
-        if "redis" not in child.name() and child.status() != psutil.STATUS_ZOMBIE and child not in others
+        if command_line(child) and "redis" not in child.name() and child not in others
     ]
 
 
 def actor_processes():
-    return [child for child in child_processes() if "RolloutActor" in " ".join(child.cmdline())]
+    return [child for child in child_processes() if "RolloutActor" in command_line(child)]
 
 
 @pytest.fixture(scope="module")
