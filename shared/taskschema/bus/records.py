@@ -194,7 +194,7 @@ class RunRecords:
     @bus_errors()
     def set_alive(self, run: str) -> None:
         """Say that the learner is there; nothing else about the run has changed."""
-        now = datetime.now(UTC).isoformat(timespec="milliseconds")
+        now = datetime.now(UTC).isoformat(timespec="microseconds")
         self._client.hset(RunKeys(run).status, "alive_at", now)
 
     def _write_status(self, run: str, fields: Mapping[str, str | int]) -> None:
