@@ -14,6 +14,7 @@ import pytest
 
 from taskschema.config import RunConfig
 from taskschema_learner.default_config import default_config
+from taskschema_learner.evaluation import wilson
 from taskschema_learner.experiment.cell import Cell, CellResult
 from taskschema_learner.experiment.experiment import without_places
 from taskschema_learner.experiment.measurement import CURVE_ROWS, thinned_curve
@@ -133,8 +134,25 @@ def test_the_page_says_medians_ratios_and_verdicts_as_computed_by_hand():
     # 20,000, then two larger than 30,000, the first of them the median: 30,000 / 6,000 = 5.
     assert "| toy | state | > 30,000 | 20,000 | > 30,000 | > 30,000 | more than 5 |" in page
     assert "| toy | oracle | 2,000 | 4,000 | 800 so far | 3,000 | 0.5 |" in page
-    assert "| toy | (reach, reach), (raise, raise) | 3 of 3 | 2 | 1 | 0 |" in page
+    assert "| toy | (reach, reach), (raise, raise) | 3 of 3 | 2 | 1 | 0 | 0 |" in page
     assert "| toy | state | 0 | not solved | 30,000 | - | 30,000 | 1.0 | 2% | - | - |" in page
+
+
+def test_a_schema_that_the_audit_missed_is_different_and_counted_as_as_good_by_its_held_out_success():
+    pairs = (("reach", "reach"), ("raise", "raise"))
+    cells = tuple(
+        result("toy", "schema", seed, 4000, state, schema=pairs, verdict="different", held_out=held_out)
+        for seed, (state, held_out) in enumerate(
+            [
+                ("solved", wilson(190, 200)),
+                ("solved", wilson(189, 200)),
+                ("solved", None),
+                ("not solved", None),
+            ]
+        )
+    )
+    page = report(Summary(experiment="paper-sim", machines=("2 cores",), cells=cells))
+    assert "| toy | (reach, reach), (raise, raise) | 3 of 4 | 0 | 0 | 3 | 1 |" in page
 
 
 def test_the_recorded_command_names_no_folder_of_this_machine():
