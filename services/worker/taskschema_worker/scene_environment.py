@@ -30,7 +30,7 @@ class SceneEnvironment:
         model: the same.
         gate: steps are made as the robot's agent makes them: what this refuses is not made, the arms stay
             and the step counts; hands open as far as the robot's; and the goal is tested where a step ends.
-            None: all steps are made, and the goal is tested along the motion, too.
+            None: all steps are made, and the goal is tested as the task says (`goal_in_passing`).
 
     """
 
@@ -43,6 +43,7 @@ class SceneEnvironment:
     ) -> None:
         self._task = task
         self._gate = gate
+        self._in_passing = task.goal_in_passing and gate is None
         self._simulation = Simulation(task, threads, model, None if gate is None else ROBOT_OPENING)
         self._chunk = round(CHUNK_SECONDS / self._simulation.timestep)
         self.measure_distance = False
@@ -175,18 +176,23 @@ class SceneEnvironment:
             first = chunk % STRETCH_CHUNKS * size
             part = controls[place[rows], first : first + size]
             advance = self._simulation.advance(episodes[rows], part)
-            if self._gate is None:
+            if self._in_passing:
                 reached = self._task.goal_reached(self._start[episodes[rows]], advance.object_poses)
                 success[rows] = reached.any(axis=1) & ~advance.diverged
-            if self.measure_distance:
-                distance = self._task.goal_distance(self._start[episodes[rows]], advance.object_poses)
-                self.closest[episodes[rows]] = np.minimum(self.closest[episodes[rows]], distance.min(axis=1))
+                self._note_distance(episodes[rows], advance.object_poses)
             diverged[rows] = advance.diverged
             steps[rows] += size
-        if self._gate is not None:
+        if not self._in_passing:
             ends = self._simulation.object_poses(episodes)[:, None]
             success = self._task.goal_reached(self._start[episodes], ends)[:, 0] & ~diverged
+            self._note_distance(episodes, ends)
         return success, diverged, steps
+
+    def _note_distance(self, episodes: IntArray, poses: FloatArray) -> None:
+        """Note how near to the goal K episodes came, where it is tested: poses [K, S, 7 + h]."""
+        if self.measure_distance:
+            distance = self._task.goal_distance(self._start[episodes], poses).min(axis=1)
+            self.closest[episodes] = np.minimum(self.closest[episodes], distance)
 
     def _controls(self, paths: MixedPath, rows: IntArray, first: int, steps: int) -> FloatArray:
         """Return the simulator's controls [K, S, nu] for S physics steps of K episodes' paths."""
