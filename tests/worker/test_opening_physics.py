@@ -84,3 +84,30 @@ def test_result_has_the_same_bits_in_any_batch_and_with_any_threads(environment)
     threaded = SceneEnvironment(TASK, threads=3)
     np.testing.assert_array_equal(episodes(threaded, np.arange(count)), everything)
     threaded.close()
+
+
+class HeldInPassing(Opening):
+    """Its goal holds while something moves, and no longer where the step ends."""
+
+    def goal_reached(self, start, poses):
+        return np.full(poses.shape[:2], poses.shape[1] > 1)
+
+
+@pytest.mark.parametrize("in_passing", [False, True])
+def test_a_cap_that_turns_in_passing_while_the_bottle_falls_opens_nothing(monkeypatch, in_passing):
+    monkeypatch.setattr(HeldInPassing, "goal_in_passing", in_passing)
+    assert not TASK.goal_in_passing
+    environment = SceneEnvironment(HeldInPassing())
+    _, _, success = run(environment, [("twist", "no_op")], 2)
+    environment.close()
+    assert success.all() == in_passing
+
+
+def test_a_search_sees_the_distance_only_where_the_goal_is_tested():
+    environment = SceneEnvironment(TASK)
+    environment.measure_distance = True
+    _, last, success = run(environment, TASK.paper_schema, 4)
+    assert success.all()
+    assert (environment.closest == 0).all()
+    assert (TASK.observation.get(last, "object.hinge") >= TASK.hinge_goal).all()
+    environment.close()
