@@ -149,10 +149,11 @@ SIMULATION = """
 
 Where the policies of the rows above come from: `taskschema train TASK --policy oracle --safety-gate
 --init-policy RUN --until-success 0.97 --run-dir runs/robot-twin/simulated/OBJECT`, in rounds of 200
-episodes and with the settings of simulation. For heavy bar and water bottle RUN was one without the gate:
-`taskschema train lateral-lifting --seed 1`, `taskschema train opening --policy oracle`. For the rolling pin
+episodes and with the settings of simulation; for the water bottle with `--init-schema RUN --freeze-schema`
+instead of `--policy oracle`. For heavy bar and water bottle RUN was one without the gate that learned its
+schema: `taskschema train lateral-lifting --seed 1`, `taskschema train opening`. For the rolling pin
 (`--task-file docs/examples/carried.py:RollingPin`) it was the heavy bar's with the gate. The glass jar starts
-from the water bottle's policy as it is.
+from an earlier policy of the water bottle, with the paper's schema.
 
 | object | first weights | episodes | first round | last 100 | refused, first round | refused, last round |
 |---|---|---|---|---|---|---|
