@@ -44,8 +44,8 @@ TOY_NOTE = """`toy-trap` is the toy with as many schemas that succeed in at most
 ones. The good set is made with the expert's arguments; the `state` policy has no schema.
 """
 GOOD_RATE = 0.95
-EARLIER = {"schema.alpha": "2", "schema.beta": "4e-4", "schema.patience": "0"}
-"""Defaults before opening was learned with them: everything that ever succeeds is kept."""
+EARLIER = {"schema.alpha": "2", "schema.beta": "4e-4"}
+"""Defaults before opening was learned: everything that ever succeeds is kept."""
 TRAPS: dict[str, type[Task]] = {"toy-trap": TrapToy}
 """Tasks that only this table has."""
 
@@ -127,13 +127,12 @@ def settings(task: str) -> list[tuple[str, dict[str, str]]]:
         rows: list[tuple[str, dict[str, str]]] = [(task, {})]
         rows += [(task, {"schema.alpha": value}) for value in ("1", "2", "8")]
         rows += [(task, {"schema.beta": value}) for value in ("8e-4", "0.002", "0.02")]
-        rows += [(task, {"schema.patience": value}) for value in ("0", "24")]
+        rows += [(task, EARLIER)]
         return rows + [(task, {"network.initial_log_std": value}) for value in ("-0.5", "-1.5")]
     rows = [("toy", {}), ("toy-trap", {})]
     rows += [("toy", {"policy": "oracle"}), ("toy", {"policy": "state"})]
     rows += [("toy", {"schema.alpha": value}) for value in ("0.1", "0.5", "1", "2", "8")]
     rows += [("toy", {"schema.beta": value}) for value in ("8e-4", "0.002", "0.02")]
-    rows += [(toy, {"schema.patience": value}) for toy in ("toy", "toy-trap") for value in ("0", "24")]
     rows += [(toy, EARLIER) for toy in ("toy", "toy-trap")]
     rows += [("toy-trap", {"schema.alpha": value}) for value in ("1", "8")]
     rows += [("toy", {"network.initial_log_std": "-1.5"}), ("toy", {"ppo.advantage_std_floor": "0"})]

@@ -63,7 +63,7 @@ def some_trajectories(slot: int, round_index: int = 0, episodes: int = 4) -> lis
 
 def some_metrics(round_index: int) -> RoundMetrics:
     numbers = dict.fromkeys(RoundMetrics.__struct_fields__, 0.5)
-    counts = ("episodes", "steps", "physics_steps", "diverged", "refused", "quarantined", "schemas_given_up")
+    counts = ("episodes", "steps", "physics_steps", "diverged", "refused", "quarantined")
     integers = dict.fromkeys(counts, 1)
     return RoundMetrics(
         **{**numbers, **integers}

@@ -9,7 +9,7 @@ import msgspec
 
 from taskschema.errors import ConfigError, UnknownNameError
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 1
 """Version of the run folder; a folder of another version is refused."""
 PROTOCOL_VERSION = 2
 """Version of the messages on the bus; agents and learner compare it before they talk."""
@@ -75,8 +75,6 @@ class SchemaConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     """Added to the logits of a successful trajectory's (step, pair)s (the paper gives no value)."""
     beta: float = 0.008
     """Subtracted for a failed one (the paper gives no value)."""
-    patience: int = 12
-    """Rounds within which a schema has to become better, or is given up; 0: never, as in the paper."""
     initial_logits: tuple[tuple[float, ...], ...] | None = None
     """[T, |X|] logits to start from (`--init-schema`); None: zeros, as in the paper."""
     frozen: bool = False
@@ -86,7 +84,6 @@ class SchemaConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
         for name in ("alpha", "beta"):
             value = getattr(self, name)
             _require(value >= 0 and math.isfinite(value), name, "finite and at least 0")
-        _require(self.patience >= 0, "patience", "at least 0")
 
 
 class NetworkConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -48,8 +48,6 @@ class RoundMetrics(msgspec.Struct, frozen=True, kw_only=True):
     """Hash of the policy after the update."""
     refused: int = 0
     """Steps of this round that a safety gate refused."""
-    schemas_given_up: int = 0
-    """Schemas given up so far, because they became no better (`schema.patience`)."""
     seconds_publish: float = 0.0
     """Wall time of publishing the round's policy and offering its slots [s], part of `seconds_collect`."""
 

@@ -1,6 +1,5 @@
 """The learner: what turns a round's trajectories into the next policy version."""
 
-import logging
 import os
 from collections.abc import Sequence
 
@@ -19,12 +18,10 @@ from taskschema_learner.batch import collate, in_order
 from taskschema_learner.initial_weights import first_weights
 from taskschema_learner.networks import ArgumentNetwork
 from taskschema_learner.optimiser import Optimiser, UpdateStatistics
-from taskschema_learner.schema_trainers import Patience, make_schema_trainer
+from taskschema_learner.schema_trainers import make_schema_trainer
 from taskschema_learner.spatial_network import SpatialNetwork
 
 __all__ = ["Learner", "UpdateStatistics"]
-
-log = logging.getLogger("taskschema.learner")
 
 RECENT_SUCCESSES = 100
 """How many of the last successes decide which rows of the schema count as used."""
@@ -68,7 +65,6 @@ class Learner:
         )
         self._optimiser = Optimiser(self._network, config.ppo)
         self._schema_trainer = make_schema_trainer(config.schema)
-        self._patience = Patience(config.schema.patience)
         self._logits = _initial_logits(config, task)
         self._version = 0
         self._success_lengths = np.zeros(0, dtype=np.int64)
@@ -82,11 +78,6 @@ class Learner:
     def logits(self) -> FloatArray:
         """[T, |X|] the schema's logits."""
         return self._logits.copy()
-
-    @property
-    def schemas_given_up(self) -> int:
-        """How often the schema's logits went back to where they started, because it became no better."""
-        return self._patience.given_up
 
     @property
     def used_steps(self) -> int | None:
@@ -117,20 +108,11 @@ class Learner:
         rng = round_generator(self._config.seed, self._version, Purpose.MINIBATCHES)
         statistics = self._optimiser.update(collate(ordered, self._task, self._config.observation), rng)
         if self._config.policy == "schema" and not self._config.schema.frozen:
-            self._update_schema(ordered)
+            self._logits = self._schema_trainer.update(self._logits, ordered)
         lengths = [len(item) for item in ordered if item.success]
         self._success_lengths = np.append(self._success_lengths, lengths)[-RECENT_SUCCESSES:].astype(np.int64)
         self._version += 1
         return statistics
-
-    def _update_schema(self, trajectories: Sequence[Trajectory]) -> None:
-        successes = sum(item.success for item in trajectories)
-        tried = self._logits[: self.used_steps]
-        if self._patience.is_exhausted(tried, successes, len(trajectories)):
-            log.info("The schema became no better in %d rounds: starting over.", self._config.schema.patience)
-            self._logits = _initial_logits(self._config, self._task)
-        else:
-            self._logits = self._schema_trainer.update(self._logits, trajectories)
 
     def arrays(self) -> dict[str, AnyArray]:
         """Return everything that the next updates depend on, by name, for a checkpoint."""
@@ -139,7 +121,6 @@ class Learner:
             **{f"adam.{name}": array for name, array in self._optimiser.arrays().items()},
             "schema.logits": self.logits,
             "schema.success_lengths": self._success_lengths.copy(),
-            **{f"patience.{name}": array for name, array in self._patience.arrays().items()},
             "version": np.array(self._version, dtype=np.int64),
         }
 
@@ -156,7 +137,6 @@ class Learner:
                 raise ValueError(f"the schema's logits have shape {logits.shape}, not {self._logits.shape}")
             self._network.load(_section(arrays, "weights."))
             self._optimiser.load(_section(arrays, "adam."))
-            self._patience.load(_section(arrays, "patience."))
             self._logits = logits.astype(np.float64)
             self._success_lengths = arrays["schema.success_lengths"].astype(np.int64)
             self._version = int(arrays["version"])

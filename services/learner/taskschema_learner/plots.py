@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -68,9 +67,6 @@ def plot_run(folder: RunFolder, path: Path) -> None:
             probability = [row.schema_probability[step] for row in rows]
             colour, style = COLOURS[step % len(COLOURS)], STYLES[step % len(STYLES)]
             axes[1].plot(episodes, probability, style, color=colour, linewidth=2, label=name)
-        for before, row in pairwise(rows):
-            if row.schemas_given_up > before.schemas_given_up:
-                axes[1].axvline(row.episodes, color="grey", linestyle=":", linewidth=1)
         axes[1].set_ylabel("probability of the\nmost probable skill pair")
         axes[1].set_ylim(-0.02, 1.02)
         axes[1].legend(title="step: left arm, right arm (at the end)", fontsize="small", loc="best")

@@ -17,7 +17,6 @@ _TAGS = {
     "approximate_kl": "policy/approximate_kl",
     "clip_fraction": "policy/clip_fraction",
     "gradient_norm": "policy/gradient_norm",
-    "schemas_given_up": "schema/given_up",
     "diverged": "simulation/diverged",
     "refused": "safety/refused_steps",
     "seconds_collect": "seconds/collect",

@@ -196,7 +196,6 @@ def measure(
         approximate_kl=statistics.approximate_kl,
         clip_fraction=statistics.clip_fraction,
         gradient_norm=statistics.gradient_norm,
-        schemas_given_up=parts.learner.schemas_given_up,
         seconds_publish=seconds.publish,
         seconds_collect=seconds.collect,
         seconds_update=seconds.update,

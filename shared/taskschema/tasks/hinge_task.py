@@ -25,7 +25,7 @@ class HingeTask(SceneTask):
 
     object_joints: ClassVar[tuple[str, ...]] = ("hinge",)
     goal_in_passing: ClassVar[bool] = False
-    """In passing an object that falls rolls along a hand, and turns its hinge before it has left its place."""
+    """In passing, an object that falls rolls along a hand: its hinge turns before it has left its place."""
     scale_range: ClassVar[tuple[float, float]]
     """Factor on all its lengths, drawn uniformly."""
     hinge_goal: ClassVar[float]

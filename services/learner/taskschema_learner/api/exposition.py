@@ -95,7 +95,6 @@ class _Families:
             "publish_duration_seconds", "Time to publish a round's policy and offer its slots.", run
         )
         self.leases = _histogram("lease_duration_seconds", "Time from leasing a slot to delivering it.", run)
-        self.given_up = _counter("schemas_given_up", "Schemas given up because they became no better.", run)
         self.live_workers = _gauge("workers_live", "Workers that are alive.", run)
         self.target = _gauge("workers_target", "Workers asked for; absent: the capacity.", run)
         self.state = _gauge("run_state", "1 for the state that a run is in.", ["run", "state"])
@@ -119,7 +118,6 @@ class _Families:
         self.episodes.add_metric([run], row.episodes)
         self.steps.add_metric([run], row.steps)
         self.version.add_metric([run], row.policy_version)
-        self.given_up.add_metric([run], row.schemas_given_up)
         self.success.add_metric([run, "round"], row.success_rate)
         self.success.add_metric([run, "last_100"], row.success_last_100)
         for t, value in enumerate(row.schema_entropy, start=1):

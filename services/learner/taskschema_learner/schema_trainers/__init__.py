@@ -3,12 +3,11 @@
 from taskschema.config import SchemaConfig
 from taskschema.errors import UnknownNameError
 from taskschema_learner.schema_trainers.algorithm1 import Algorithm1
-from taskschema_learner.schema_trainers.patience import Patience
 from taskschema_learner.schema_trainers.schema_trainer import SchemaTrainer
 
 SCHEMA_TRAINERS: dict[str, type[Algorithm1]] = {item.name: item for item in (Algorithm1,)}
 
-__all__ = ["SCHEMA_TRAINERS", "Algorithm1", "Patience", "SchemaTrainer", "make_schema_trainer"]
+__all__ = ["SCHEMA_TRAINERS", "Algorithm1", "SchemaTrainer", "make_schema_trainer"]
 
 
 def make_schema_trainer(config: SchemaConfig) -> SchemaTrainer:
