@@ -40,7 +40,7 @@ def test_hash_tells_configs_apart(one: RunConfig, other: RunConfig) -> None:
 
 def test_hashes_of_earlier_runs_stay() -> None:
     """Runs from before there were gates and initial policies keep their hash, and their files still load."""
-    config = RunConfig(task="toy")
+    config = RunConfig(task="toy", schema=SchemaConfig(alpha=2.0, beta=4e-4))
     assert config.config_hash == "cce214312d4520a1221024d2ac3d15ad2d404c9880ca351c0fe4378dfdbcb34b"
     data = msgspec.to_builtins(config)
     del data["safety_gate"], data["initial_policy"]
