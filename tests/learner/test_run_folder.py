@@ -72,6 +72,26 @@ def test_metrics_come_back_exactly(tmp_path):
     assert folder.read_metrics() == rows[:4]
 
 
+def test_a_reader_sees_whole_rows_wherever_the_writer_is(tmp_path):
+    folder = RunFolder.create(tmp_path / "run", CONFIG)
+    rows = [row(number) for number in range(2)]
+    for item in rows:
+        folder.append_metrics(item)
+    path = folder.path / "metrics.csv"
+    data = path.read_bytes()
+    for size in range(len(data) + 1):
+        path.write_bytes(data[:size])
+        assert folder.read_metrics() == rows[: max(data[:size].count(b"\n") - 1, 0)]
+
+
+@pytest.mark.parametrize("text", ["round\n0\n", "round,schema_entropy,schema_probability\n0\n", "\xff\n"])
+def test_metrics_of_another_shape_are_damaged(tmp_path, text):
+    folder = RunFolder.create(tmp_path / "run", CONFIG)
+    (folder.path / "metrics.csv").write_text(text, encoding="latin-1")
+    with pytest.raises(RunFolderError, match="damaged"):
+        folder.read_metrics()
+
+
 def test_keeping_no_metrics_still_takes_new_ones(tmp_path):
     folder = RunFolder.create(tmp_path / "run", CONFIG)
     folder.append_metrics(row(0))

@@ -164,14 +164,20 @@ class RunFolder:
     def read_metrics(self) -> list[RoundMetrics]:
         """Return the rows of `metrics.csv`, oldest first; none if there is no such file.
 
+        A line at the end that is not whole is one that is just being written.
+
         Raises:
             RunFolderError: if the file is damaged.
         """
         try:
-            with (self.path / "metrics.csv").open(newline="", encoding="utf-8") as file:
-                return [_parse_row(row) for row in csv.DictReader(file)]
+            text = (self.path / "metrics.csv").read_bytes().decode()
         except FileNotFoundError:
             return []
+        except ValueError as error:
+            raise RunFolderError(f"metrics.csv in {self.path} is damaged: {error}.") from None
+        whole = io.StringIO(text[: text.rfind("\n") + 1], newline="")
+        try:
+            return [_parse_row(row) for row in csv.DictReader(whole)]
         except (msgspec.MsgspecError, ValueError, csv.Error) as error:
             raise RunFolderError(f"metrics.csv in {self.path} is damaged: {error}.") from None
 
@@ -254,8 +260,12 @@ def _format_row(metrics: RoundMetrics) -> dict[str, str]:
     }
 
 
-def _parse_row(row: dict[str, str]) -> RoundMetrics:
+def _parse_row(row: dict[str, str | None]) -> RoundMetrics:
+    """Return the row; raise ValueError or msgspec's error if it is not one."""
     values: dict[str, Any] = dict(row)
     for name in ("schema_entropy", "schema_probability"):
-        values[name] = [float(item) for item in row[name].split()]
+        text = row.get(name)
+        if text is None:
+            raise ValueError(f"a line has no {name}")
+        values[name] = [float(item) for item in text.split()]
     return msgspec.convert(values, RoundMetrics, strict=False)
