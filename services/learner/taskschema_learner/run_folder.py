@@ -171,13 +171,10 @@ class RunFolder:
         """
         try:
             text = (self.path / "metrics.csv").read_bytes().decode()
+            whole = io.StringIO(text[: text.rfind("\n") + 1], newline="")
+            return [_parse_row(row) for row in csv.DictReader(whole)]
         except FileNotFoundError:
             return []
-        except ValueError as error:
-            raise RunFolderError(f"metrics.csv in {self.path} is damaged: {error}.") from None
-        whole = io.StringIO(text[: text.rfind("\n") + 1], newline="")
-        try:
-            return [_parse_row(row) for row in csv.DictReader(whole)]
         except (msgspec.MsgspecError, ValueError, csv.Error) as error:
             raise RunFolderError(f"metrics.csv in {self.path} is damaged: {error}.") from None
 
