@@ -31,14 +31,16 @@ def test_the_twin_simulates_it(item: RobotObject):
     assert model.nq == 7 + bool(item.joint_parts)
     assert 0.3 * item.mass < model.body_subtreemass[1] < 3.0 * item.mass
     data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
     lowest, highest = np.full(3, np.inf), np.full(3, -np.inf)
-    for geom in range(model.ngeom):
-        frame = data.geom_xmat[geom].reshape(3, 3)
-        centre = data.geom_xpos[geom] + frame @ model.geom_aabb[geom, :3]
-        half = np.abs(frame) @ model.geom_aabb[geom, 3:]
-        lowest, highest = np.minimum(lowest, centre - half), np.maximum(highest, centre + half)
-    np.testing.assert_allclose(highest - lowest, item.size, atol=0.025)
+    for angle in np.linspace(0.0, np.pi, 19) if item.joint_parts else (0.0,):
+        data.qpos[7:] = angle
+        mujoco.mj_forward(model, data)
+        for geom in range(model.ngeom):
+            frame = data.geom_xmat[geom].reshape(3, 3)
+            centre = data.geom_xpos[geom] + frame @ model.geom_aabb[geom, :3]
+            half = np.abs(frame) @ model.geom_aabb[geom, 3:]
+            lowest, highest = np.minimum(lowest, centre - half), np.maximum(highest, centre + half)
+    np.testing.assert_allclose(highest - lowest, item.size, atol=0.025)  # whatever way it is turned
     assert lowest[2] == pytest.approx(-0.5 * item.size[2], abs=0.003)
 
 

@@ -102,6 +102,18 @@ def test_search_finds_what_can_be_solved(environment):
     assert found.successes >= 16
 
 
+def test_a_schema_that_the_expert_solves_in_part_is_searched_near_its_arguments(environment):
+    schema = (*TASK.paper_schema, ("no_op", "no_op"))
+    effort = Effort("sample", 1, 1, 1, 1, 1, 0, 0, Search(8, 1, 4), Search(24, 2, 24))
+    sample = _Audit(environment, TASK, 0, effort, lambda part, share: None)
+    untouched = [SchemaRate(schema, Rate(24, 24)), SchemaRate(IDLE_SCHEMA, Rate(1, 100))]
+    better, *others = sample._refine([SchemaRate(schema, Rate(1, 100)), *untouched])
+    assert better.searched
+    assert better.rate.value >= 0.75
+    assert others == untouched
+    assert "a search's" in report(nearly_good=(better,)).to_markdown()
+
+
 @pytest.mark.parametrize("left", [True, False])
 def test_search_finds_nothing_with_one_arm_idle(environment, left):
     schema = tuple((skill, "no_op") if left else ("no_op", skill) for skill in ("top_grasp", "lift", "lift"))
@@ -112,7 +124,7 @@ def test_search_finds_nothing_with_one_arm_idle(environment, left):
 
 def test_seeded_sample_of_the_audit(environment):
     """(a) and (c) on few episodes; the full audit is in results/audit."""
-    effort = Effort("sample", 64, 4, 1, 4, 1024, 0, 0, Search(8, 1, 4))
+    effort = Effort("sample", 64, 4, 1, 4, 1024, 0, 0, Search(8, 1, 4), Search(8, 1, 4))
     sample = _Audit(environment, TASK, 0, effort, lambda part, share: None)
     expert, corners = sample._expert()
     assert expert.value >= 0.95
@@ -128,7 +140,7 @@ def test_packaged_good_set_holds_with_the_expert_s_arguments(environment):
     schemas = [tuple(tuple(pair) for pair in schema) for schema in packaged]
     assert (GRASP, LIFT, ("no_op", "no_op")) in schemas
     assert not any(is_idle(schema) for schema in schemas)
-    effort = Effort("sample", 1, 1, 2, 8, 1, 0, 0, Search(8, 1, 4))
+    effort = Effort("sample", 1, 1, 2, 8, 1, 0, 0, Search(8, 1, 4), Search(8, 1, 4))
     sample = _Audit(environment, TASK, 3, effort, lambda part, share: None)
     staged = [schema for schema in schemas if schema[:2] != TASK.paper_schema][::4]
     screened = sample._screen(staged)
@@ -139,6 +151,6 @@ def test_packaged_good_set_holds_with_the_expert_s_arguments(environment):
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 def test_whole_quick_audit_is_repeatable():
-    effort = Effort("tiny", 16, 2, 1, 4, 64, 1, 1, Search(16, 2, 4))
+    effort = Effort("tiny", 16, 2, 1, 4, 64, 1, 1, Search(16, 2, 4), Search(8, 1, 4))
     first, second = (audit_with(TASK, 0, effort, threads=threads) for threads in (1, 2))
     assert first == second

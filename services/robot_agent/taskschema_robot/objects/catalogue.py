@@ -1,4 +1,7 @@
-"""The nine objects of Table I. The paper gives no dimensions: these are of usual household ones.
+"""The nine objects of Table I, whose dimensions the paper does not give.
+
+These are such that both hands can act on them within the search spaces and clear of each other: an expert
+solves each on the twin, see `bench.twin_expert`.
 
 Measure yours, and change its entry: the gate sweeps what the hands hold by these sizes, and the reward
 computes poses from where the markers sit.
@@ -12,26 +15,53 @@ from taskschema_robot.objects.robot_object import Part, RobotObject
 
 WOOD, STEEL, GLASS, PLASTIC = (0.72, 0.53, 0.35), (0.55, 0.57, 0.6), (0.5, 0.7, 0.65), (0.25, 0.4, 0.7)
 DIAGONAL = np.pi / 4
+ROOT = float(np.sqrt(0.5))
+HANDLE = float(np.deg2rad(70.0))
+"""Angle of a T-handle to its object's x axis at the start [rad], as the task's corkscrew has it."""
 
 
 def _on_top(number: int, size: float, x: float, y: float, z: float) -> Marker:
     return Marker(number, size, (x, y, z))
 
 
+def _along(number: int, size: float, along: float, z: float) -> Marker:
+    """Return a marker on a T-handle, so far from its middle towards the right robot."""
+    return _on_top(number, size, along * float(np.cos(HANDLE)), along * float(np.sin(HANDLE)), z)
+
+
+def _t_base(height: float, colour: tuple[float, float, float]) -> tuple[Part, ...]:
+    """Return foot and body of something that stands `height` tall [m] and has a T-handle."""
+    bottom, half = -0.5 * height, 0.5 * height - 0.02
+    return (
+        Part("cylinder", (0.045, 0.005), (0.0, 0.0, bottom + 0.005), friction=0.25, colour=colour),
+        Part("capsule", (0.014, half - 0.014), (0.0, 0.0, bottom + 0.01 + half), friction=1.2, colour=colour),
+    )
+
+
+def _t_handle(height: float, length: float, colour: tuple[float, float, float]) -> tuple[Part, ...]:
+    """Return its T-handle at angle 0: nearly along the line between the robots."""
+    turn = (-np.pi / 2, np.pi / 2 - HANDLE, 0.0)
+    level = 0.5 * height - 0.01
+    return (
+        Part("capsule", (0.008, 0.012), (0.0, 0.0, level - 0.012), friction=0.3, colour=colour),
+        Part("capsule", (0.01, 0.5 * length - 0.01), (0.0, 0.0, level), turn, friction=0.3, colour=colour),
+    )
+
+
 ALUMINIUM_TRAY = RobotObject(
     name="aluminium-tray",
     family="lateral_lifting",
-    size=(0.46, 0.30, 0.03),
-    mass=0.5,
-    markers=(_on_top(0, 0.06, -0.18, 0.0, -0.012), _on_top(1, 0.06, 0.18, 0.0, -0.012)),
+    size=(0.30, 0.22, 0.065),
+    mass=1.0,
+    markers=(_on_top(0, 0.06, -0.1, 0.0, -0.012), _on_top(1, 0.06, 0.1, 0.0, -0.012)),
     reset=(
-        "Put the tray flat on the table, its long side towards you.",
+        "Put the tray flat on the table, a handle towards each robot.",
         "Turn it so that marker 0 lies on the left robot's left.",
     ),
     parts=(
-        Part("box", (0.23, 0.15, 0.0015), (0.0, 0.0, -0.0135), density=2700, colour=STEEL),
-        Part("box", (0.23, 0.002, 0.015), (0.0, 0.148, 0.0), density=900, friction=1.05, colour=STEEL),
-        Part("box", (0.23, 0.002, 0.015), (0.0, -0.148, 0.0), density=900, friction=1.05, colour=STEEL),
+        Part("box", (0.15, 0.11, 0.01), (0.0, 0.0, -0.0225), density=600, colour=STEEL),
+        Part("box", (0.08, 0.008, 0.0225), (0.0, 0.085, 0.01), density=1000, friction=1.05, colour=STEEL),
+        Part("box", (0.08, 0.008, 0.0225), (0.0, -0.085, 0.01), density=1000, friction=1.05, colour=STEEL),
     ),
 )
 ROLLING_PIN = RobotObject(
@@ -65,50 +95,48 @@ PLASTIC_BOX = RobotObject(
     name="plastic-box",
     family="lateral_lifting",
     size=(0.34, 0.22, 0.12),
-    mass=0.7,
-    markers=(_on_top(6, 0.06, -0.12, 0.0, 0.061), _on_top(7, 0.06, 0.12, 0.0, 0.061)),
-    reset=("Put the box with its lid closed and its long side towards you, marker 6 on your left.",),
+    mass=1.4,
+    markers=(_on_top(6, 0.06, -0.12, 0.0, -0.039), _on_top(7, 0.06, 0.12, 0.0, -0.039)),
+    reset=("Put the box, open, with a long side towards each robot, marker 6 on the left robot's left.",),
     parts=(
-        Part("box", (0.17, 0.10, 0.055), (0.0, 0.0, -0.005), density=90, colour=PLASTIC),
-        Part("box", (0.17, 0.003, 0.06), (0.0, 0.107, 0.0), density=900, friction=1.05, colour=PLASTIC),
-        Part("box", (0.17, 0.003, 0.06), (0.0, -0.107, 0.0), density=900, friction=1.05, colour=PLASTIC),
+        Part("box", (0.17, 0.094, 0.01), (0.0, 0.0, -0.05), density=550, colour=PLASTIC),
+        Part("box", (0.17, 0.008, 0.06), (0.0, 0.102, 0.0), density=550, friction=1.05, colour=PLASTIC),
+        Part("box", (0.17, 0.008, 0.06), (0.0, -0.102, 0.0), density=550, friction=1.05, colour=PLASTIC),
     ),
 )
 SOCCER_BALL = RobotObject(
     name="soccer-ball",
     family="picking",
-    size=(0.22, 0.22, 0.22),
-    mass=0.43,
+    size=(0.15, 0.15, 0.15),
+    mass=0.2,
     markers=(
-        _on_top(8, 0.05, 0.0, 0.0, 0.112),
-        Marker(9, 0.05, (0.079, 0.0, 0.079), (0.7071067811865476, 0.0, -0.7071067811865476)),
-        Marker(10, 0.05, (-0.079, 0.0, 0.079), (0.7071067811865476, 0.0, 0.7071067811865476)),
-        Marker(
-            11, 0.05, (0.0, 0.079, 0.079), (1.0, 0.0, 0.0), (0.0, 0.7071067811865476, -0.7071067811865476)
-        ),
-        Marker(
-            12, 0.05, (0.0, -0.079, 0.079), (1.0, 0.0, 0.0), (0.0, 0.7071067811865476, 0.7071067811865476)
-        ),
+        _on_top(8, 0.04, 0.0, 0.0, 0.077),
+        Marker(9, 0.04, (0.0545, 0.0, 0.0545), (ROOT, 0.0, -ROOT)),
+        Marker(10, 0.04, (-0.0545, 0.0, 0.0545), (ROOT, 0.0, ROOT)),
+        Marker(11, 0.04, (0.0, 0.0545, 0.0545), (1.0, 0.0, 0.0), (0.0, ROOT, -ROOT)),
+        Marker(12, 0.04, (0.0, -0.0545, 0.0545), (1.0, 0.0, 0.0), (0.0, ROOT, ROOT)),
     ),
-    reset=("Put the ball into its ring near the table's centre, marker 8 up.",),
-    parts=(Part("sphere", (0.11,), density=77, friction=0.5, colour=(0.9, 0.9, 0.9)),),
+    reset=("Put the ball, the small size 1, near the table's centre, marker 8 up.",),
+    parts=(Part("sphere", (0.075,), density=113, friction=0.85, rolling=0.012, colour=(0.9, 0.9, 0.9)),),
 )
 GLASS_JAR = RobotObject(
     name="glass-jar",
     family="opening",
-    size=(0.07, 0.07, 0.14),
+    size=(0.07, 0.07, 0.17),
     mass=0.35,
-    markers=(Marker(13, 0.03, (0.065, 0.0, -0.06)), Marker(14, 0.03, (-0.065, 0.0, -0.06))),
-    joint_markers=(_on_top(15, 0.03, 0.0, 0.0, 0.071),),
+    markers=(Marker(13, 0.03, (0.065, 0.0, -0.075)), Marker(14, 0.03, (-0.065, 0.0, -0.075))),
+    joint_markers=(_on_top(15, 0.03, 0.0, 0.0, 0.086),),
     reset=(
         "Screw the lid on until its mark meets the jar's.",
         "Stand the jar on its base plate near the table's centre.",
     ),
     parts=(
-        Part("cylinder", (0.035, 0.004), (0.0, 0.0, -0.066), density=1500, friction=0.25, colour=GLASS),
-        Part("capsule", (0.021, 0.03), (0.0, 0.0, -0.01), density=1500, friction=1.2, colour=GLASS),
+        Part("cylinder", (0.035, 0.005), (0.0, 0.0, -0.08), density=1500, friction=0.25, colour=GLASS),
+        Part("capsule", (0.021, 0.0415), (0.0, 0.0, -0.0125), density=1500, friction=1.2, colour=GLASS),
     ),
-    joint_parts=(Part("capsule", (0.021, 0.01), (0.0, 0.0, 0.039), density=900, friction=1.2, colour=STEEL),),
+    joint_parts=(
+        Part("capsule", (0.022, 0.005), (0.0, 0.0, 0.058), density=900, friction=1.2, colour=STEEL),
+    ),
     joint_friction=0.06,
 )
 WATER_BOTTLE = RobotObject(
@@ -132,36 +160,28 @@ WATER_BOTTLE = RobotObject(
 T_WRENCH = RobotObject(
     name="t-wrench",
     family="rotating",
-    size=(0.3, 0.1, 0.16),
-    mass=0.6,
-    markers=(Marker(19, 0.04, (0.0, 0.08, -0.075)), Marker(20, 0.04, (0.0, -0.08, -0.075))),
-    joint_markers=(_on_top(21, 0.03, -0.12, 0.0, 0.08), _on_top(22, 0.03, 0.12, 0.0, 0.08)),
-    reset=("Turn the handle back until marker 21 points to the left robot's left.",),
-    parts=(
-        Part("box", (0.05, 0.05, 0.02), (0.0, 0.0, -0.06), density=2500, friction=0.25, colour=STEEL),
-        Part("capsule", (0.018, 0.04), (0.0, 0.0, 0.0), friction=1.2, colour=STEEL),
-    ),
-    joint_parts=(
-        Part("capsule", (0.012, 0.138), (0.0, 0.0, 0.068), (0.0, np.pi / 2, 0.0), friction=1.2, colour=STEEL),
-    ),
-    joint_friction=0.08,
+    size=(0.24, 0.24, 0.2),
+    mass=0.25,
+    markers=(Marker(19, 0.04, (0.085, 0.0, -0.085)), Marker(20, 0.04, (-0.085, 0.0, -0.085))),
+    joint_markers=(_along(21, 0.02, -0.09, 0.101), _along(22, 0.02, 0.09, 0.101)),
+    reset=("Turn the handle back until marker 21 points at the left robot.",),
+    parts=_t_base(0.2, STEEL),
+    joint_parts=_t_handle(0.2, 0.24, STEEL),
+    joint_friction=0.05,
+    location_range=(0.06, 0.03),
 )
 CORKSCREW = RobotObject(
     name="corkscrew",
     family="rotating",
-    size=(0.2, 0.08, 0.15),
-    mass=0.4,
-    markers=(Marker(23, 0.03, (0.0, 0.065, -0.07)), Marker(24, 0.03, (0.0, -0.065, -0.07))),
-    joint_markers=(_on_top(25, 0.025, -0.08, 0.0, 0.075), _on_top(26, 0.025, 0.08, 0.0, 0.075)),
-    reset=("Turn the handle back until marker 25 points to the left robot's left.",),
-    parts=(
-        Part("box", (0.04, 0.04, 0.02), (0.0, 0.0, -0.055), density=2500, friction=0.25, colour=WOOD),
-        Part("capsule", (0.018, 0.035), (0.0, 0.0, 0.0), friction=1.2, colour=WOOD),
-    ),
-    joint_parts=(
-        Part("capsule", (0.011, 0.089), (0.0, 0.0, 0.064), (0.0, np.pi / 2, 0.0), friction=1.2, colour=WOOD),
-    ),
-    joint_friction=0.08,
+    size=(0.22, 0.22, 0.2),
+    mass=0.25,
+    markers=(Marker(23, 0.04, (0.085, 0.0, -0.085)), Marker(24, 0.04, (-0.085, 0.0, -0.085))),
+    joint_markers=(_along(25, 0.02, -0.08, 0.101), _along(26, 0.02, 0.08, 0.101)),
+    reset=("Turn the handle back until marker 25 points at the left robot.",),
+    parts=_t_base(0.2, WOOD),
+    joint_parts=_t_handle(0.2, 0.22, WOOD),
+    joint_friction=0.05,
+    location_range=(0.06, 0.03),
 )
 
 OBJECTS: dict[str, RobotObject] = {

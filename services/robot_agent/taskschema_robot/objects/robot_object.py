@@ -22,6 +22,8 @@ class Part:
     """[kg/m^3]"""
     friction: float = 0.9
     """Coefficient of sliding friction against pads and table."""
+    rolling: float = 0.0
+    """How far ahead of its centre it is supported while it rolls [m]: a soft ball comes to rest."""
     colour: tuple[float, float, float] = (0.6, 0.6, 0.6)
 
 
@@ -81,7 +83,8 @@ def _geoms(parts: tuple[Part, ...]) -> str:
     return "".join(
         f'<geom type="{part.shape}" size="{_numbers(part.size)}" pos="{_numbers(part.position)}" '
         f'euler="{_numbers(part.euler)}" density="{part.density:g}" '
-        f'friction="{part.friction:g} 0.005 0.0001" rgba="{_numbers(part.colour)} 1"/>'
+        f'friction="{part.friction:g} 0.005 {max(part.rolling, 0.0001):g}" '
+        f'condim="{6 if part.rolling else 3}" rgba="{_numbers(part.colour)} 1"/>'
         for part in parts
     )
 

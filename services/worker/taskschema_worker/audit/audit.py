@@ -24,6 +24,8 @@ from taskschema_worker.scene_environment import SceneEnvironment
 Progress = Callable[[str, float], None]
 """Called with the part under way and the share of it that is done."""
 IDLE = "no_op"
+NEAR_EXPERT = 0.2
+"""Spread of a search about the expert's arguments, in units of half a search space."""
 EXPERT_PART, CORNER_PART, SCREEN_PART, CONFIRM_PART, RANDOM_PART, SAMPLE_PART = range(6)
 """Parts of the audit in the keys of their random streams."""
 
@@ -48,6 +50,8 @@ class Effort:
     sample_schemas: int
     """Other schemas that are searched."""
     search: Search
+    refine: Search
+    """Near the expert's arguments, for schemas that those solve in part."""
     skip_repeats: bool = False
     """Whether schemas with one arm idle that differ only in when both arms pause, which takes no time and
     changes nothing, are searched once."""
@@ -56,9 +60,21 @@ class Effort:
 EFFORTS = {
     effort.name: effort
     for effort in (
-        Effort("quick", 256, 16, 1, 40, 2048, 4, 2, Search(96, 6, 64)),
-        Effort("medium", 1024, 50, 3, 100, 16384, 10_000, 8, Search(96, 5, 100), skip_repeats=True),
-        Effort("full", 1024, 100, 8, 200, 16384, 10_000, 16, Search(96, 8, 200)),
+        Effort("quick", 256, 16, 1, 40, 2048, 4, 2, Search(96, 6, 64), Search(32, 2, 40)),
+        Effort(
+            "medium",
+            1024,
+            50,
+            3,
+            100,
+            16384,
+            10_000,
+            8,
+            Search(96, 5, 100),
+            Search(64, 3, 100),
+            skip_repeats=True,
+        ),
+        Effort("full", 1024, 100, 8, 200, 16384, 10_000, 16, Search(96, 8, 200), Search(96, 4, 200)),
     )
 }
 
@@ -116,7 +132,7 @@ class _Audit:
         expert_rate, corners = self._expert()
         random = self._random()
         schemas = list(itertools.product(self.task.pairs.pairs, repeat=self.task.horizon))
-        screened = self._screen(schemas)
+        screened = self._refine(self._screen(schemas))
         idle = [schema for schema in schemas if is_idle(schema) and not self._is_repeat(schema)]
         solved = {item.schema for item in screened}
         rest = [schema for schema in schemas if schema not in solved and not is_idle(schema)]
@@ -160,6 +176,21 @@ class _Audit:
         hopeful = [index for index, rate in enumerate(tried) if rate.successes]
         confirmed = self._rates(schemas, hopeful, CONFIRM_PART, self.effort.confirm)
         return [SchemaRate(schemas[index], rate) for index, rate in zip(hopeful, confirmed, strict=True)]
+
+    def _refine(self, screened: Sequence[SchemaRate]) -> list[SchemaRate]:
+        """Search near the expert's arguments where those solve a schema in part; keep what solves more."""
+        size, refined = self.effort.refine, []
+        for index, item in enumerate(screened):
+            self.progress("schemas solved in part", index / len(screened))
+            if 0 < item.rate.value < GOOD_TARGET and not is_idle(item.schema):
+                found = search_arguments(
+                    self.environment, self.task, item.schema, self.seed, 2000 + index, size, NEAR_EXPERT
+                )
+                rate = Rate(found.successes, found.trials)
+                if rate.value > item.rate.value:
+                    item = SchemaRate(item.schema, rate, searched=True)
+            refined.append(item)
+        return refined
 
     def _rates(self, schemas: Sequence[Schema], chosen: Sequence[int], part: int, count: int) -> list[Rate]:
         """Return the success rates of the chosen schemas on `count` instances each, many schemas a batch."""

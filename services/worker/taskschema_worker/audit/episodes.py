@@ -80,8 +80,16 @@ def expert(task: SceneTask) -> ArgumentSource:
     return lambda observations, step, _: task.expert_arguments(observations, step)
 
 
+def expert_and(task: SceneTask, offsets: FloatArray) -> ArgumentSource:
+    """Return the scripted expert's arguments moved by offsets [T, A] or [N, T, A], in half search spaces."""
+    space, moved = task.pairs, fixed(offsets)
+    return lambda observations, step, part: space.to_si(
+        space.to_normalised(task.expert_arguments(observations, step)) + moved(observations, step, part)
+    )
+
+
 def fixed(arguments: FloatArray) -> ArgumentSource:
-    """Return given arguments [T, A], the same in all episodes, or [N, T, A], one row per episode."""
+    """Return given values [T, A], the same in all episodes, or [N, T, A], one row per episode."""
     if arguments.ndim == 2:
         return lambda observations, step, _: np.repeat(arguments[None, step], len(observations), axis=0)
     return lambda _, step, part: arguments[part, step]

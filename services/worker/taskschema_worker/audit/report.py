@@ -58,6 +58,8 @@ class SchemaRate:
 
     schema: Schema
     rate: Rate
+    searched: bool = False
+    """With arguments that a search near the expert's found, not with the expert's own."""
 
 
 @dataclass(frozen=True)
@@ -177,16 +179,16 @@ class AuditReport:
             f"{len(self.good)} of {self.schema_count} schemas are good: {len(equal)} begin with the paper's "
             f"steps and end there, {len(other)} are equivalent."
         )
-        rows = [f"| {_text(item.schema)} | {item.rate} |" for item in other]
-        nearly = [f"| {_text(item.schema)} | {item.rate} |" for item in self.nearly_good]
-        table = ["", "| equivalent schema (left, right) | success |", "|---|---|", *rows]
+        rows = [_rate_line(item) for item in other]
+        nearly = [_rate_line(item) for item in self.nearly_good]
+        table = ["", "| equivalent schema (left, right) | success | arguments |", "|---|---|---|", *rows]
         if nearly:
             table += [
                 "",
                 "Solved in part, and so not good:",
                 "",
-                "| schema | success |",
-                "|---|---|",
+                "| schema | success | arguments |",
+                "|---|---|---|",
                 *nearly,
             ]
         return [head, *table]
@@ -208,6 +210,11 @@ def _search_lines(items: tuple[SearchedSchema, ...]) -> list[str]:
             for item in worst
         ),
     ]
+
+
+def _rate_line(item: SchemaRate) -> str:
+    source = "a search's" if item.searched else "the expert's"
+    return f"| {_text(item.schema)} | {item.rate} | {source} |"
 
 
 def _text(schema: Schema) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 from taskschema.arrays import FloatArray
 from taskschema.tasks.scene_task import SceneTask
 from taskschema.tasks.task import Schema
-from taskschema_worker.audit.episodes import fixed, run_schema, streams
+from taskschema_worker.audit.episodes import ArgumentSource, expert_and, fixed, run_schema, streams
 from taskschema_worker.scene_environment import SceneEnvironment
 
 ELITE_SHARE = 0.1
@@ -30,10 +30,8 @@ class Search:
 
 @dataclass(frozen=True)
 class Found:
-    """The best arguments of a search, and how often they solve fresh instances."""
+    """How often the best arguments of a search solve fresh instances."""
 
-    arguments: FloatArray
-    """[T, A] in SI units."""
     successes: int
     trials: int
     training_successes: int
@@ -41,23 +39,45 @@ class Found:
 
 
 def search_arguments(
-    environment: SceneEnvironment, task: SceneTask, schema: Schema, seed: int, index: int, size: Search
+    environment: SceneEnvironment,
+    task: SceneTask,
+    schema: Schema,
+    seed: int,
+    index: int,
+    size: Search,
+    near_expert: float | None = None,
 ) -> Found:
     """Search the arguments of one schema, the same for every instance: they are relative to the object.
 
-    The first population is uniform over the search spaces; every member meets another random instance.
-    Members are ranked by success, then by how near to the goal they came.
+    Every member of a population meets another random instance. Members are ranked by success, then by how
+    near to the goal they came.
+
+    Args:
+        environment: that measures the distance from the goal.
+        task: whose instances these are.
+        schema: under which all episodes run.
+        seed: of the search.
+        index: of the search among those of an audit.
+        size: of the search.
+        near_expert: what is searched is added to the scripted expert's arguments, and the first population
+            has this standard deviation, in units of half a search space; None: it is uniform over them.
+
     """
     space = task.pairs
     rng, *_ = streams(seed, 100, index, 1)
     shape = (size.population, len(schema), space.argument_count)
-    raw: FloatArray = rng.uniform(-1.0, 1.0, shape)
+    uniform = near_expert is None
+    raw: FloatArray = rng.uniform(-1.0, 1.0, shape) if uniform else near_expert * rng.standard_normal(shape)
+
+    def source(offsets: FloatArray) -> ArgumentSource:
+        return fixed(space.to_si(offsets)) if uniform else expert_and(task, offsets)
+
     mean, spread = np.zeros(shape[1:]), np.ones(shape[1:])
     best, best_score, hits = mean, np.inf, 0
     elite_count = max(2, round(ELITE_SHARE * size.population))
     for iteration in range(size.iterations):
         instances = [task.draw_instance(g) for g in streams(seed, 101 + iteration, index, size.population)]
-        outcome = run_schema(environment, task, schema, instances, fixed(space.to_si(raw)))
+        outcome = run_schema(environment, task, schema, instances, source(raw))
         hits += int(outcome.success.sum())
         order = np.argsort(outcome.closest, kind="stable")
         elite = raw[order[:elite_count]]
@@ -69,7 +89,6 @@ def search_arguments(
         if score < best_score:
             best, best_score = mean, score
         raw = mean + spread * rng.standard_normal(shape)
-    arguments = space.to_si(best)
     instances = [task.draw_instance(g) for g in streams(seed, 99, index, size.trials)]
-    tested = run_schema(environment, task, schema, instances, fixed(arguments))
-    return Found(arguments, int(tested.success.sum()), size.trials, hits)
+    tested = run_schema(environment, task, schema, instances, source(best))
+    return Found(int(tested.success.sum()), size.trials, hits)
