@@ -8,6 +8,7 @@ import argparse
 import logging
 import time
 from collections import Counter
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from taskschema.arrays import AnyArray
-from taskschema.policies import Actions
+from taskschema.policies import Actions, Actor
 from taskschema.randomness import EpisodeKey
 from taskschema.safety.limits import SafetyLimits
 from taskschema.tasks.registry import get_task, load_task_source, read_task_file
@@ -66,14 +67,14 @@ RECIPES: dict[str, tuple[Values, Values]] = {
 """Of the left and the right arm, where an object's expert is not its task's."""
 
 
-class Expert:
-    """Makes the paper's schema, then no-ops; see `ActingPolicy.act`."""
+class Expert(Actor):
+    """Makes the paper's schema, then no-ops."""
 
     def __init__(self, task: SceneTask, recipe: tuple[Values, Values]) -> None:
         self._task, self._recipe = task, recipe
 
-    def act(self, observations: AnyArray, step: int, generators: object) -> Actions:
-        """Return what the expert does in one episode."""
+    def act(self, observations: AnyArray, step: int, generators: Sequence[np.random.Generator]) -> Actions:
+        """Return what it does in one episode; see `Actor`."""
         task = self._task
         made = step < len(task.paper_pairs)
         pair = int(task.paper_pairs[step]) if made else task.pairs.index("no_op", "no_op")

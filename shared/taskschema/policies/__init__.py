@@ -2,7 +2,7 @@
 
 from taskschema.policies.image_policy import ImagePolicy
 from taskschema.policies.of_run import policy_of
-from taskschema.policies.policy import ActingPolicy, Actions, Policy
+from taskschema.policies.policy import ActingPolicy, Actions, Actor, Policy
 from taskschema.policies.snapshot import PolicySnapshot
 
-__all__ = ["ActingPolicy", "Actions", "ImagePolicy", "Policy", "PolicySnapshot", "policy_of"]
+__all__ = ["ActingPolicy", "Actions", "Actor", "ImagePolicy", "Policy", "PolicySnapshot", "policy_of"]

@@ -27,16 +27,20 @@ class Actions:
     """[N, A] the same in SI units, clipped or wrapped into the search spaces."""
 
 
-class ActingPolicy(Protocol):
+class Actor(Protocol):
+    """Whatever acts: a policy version, or a scripted expert."""
+
+    def act(self, observations: AnyArray, step: int, generators: Sequence[np.random.Generator]) -> Actions:
+        """Draw actions for N observations, all at step 0..T-1, one generator an episode."""
+        ...
+
+
+class ActingPolicy(Actor, Protocol):
     """A policy version that acts, whatever it observes."""
 
     @property
     def snapshot(self) -> PolicySnapshot:
         """The version."""
-        ...
-
-    def act(self, observations: AnyArray, step: int, generators: Sequence[np.random.Generator]) -> Actions:
-        """Draw actions for N observations, all at step 0..T-1, one generator an episode."""
         ...
 
     def act_mean(self, observations: AnyArray, step: int) -> Actions:

@@ -9,7 +9,7 @@ import numpy as np
 
 from taskschema.arrays import FloatArray
 from taskschema.kinematics.sawyer import rethink_gripper
-from taskschema.policies import ActingPolicy
+from taskschema.policies import Actor
 from taskschema.randomness import EpisodeKey, Purpose, generator
 from taskschema.safety.limits import SafetyLimits
 from taskschema.safety.motion import Motion
@@ -91,7 +91,7 @@ class EpisodeRunner:
         self._record, self._began = EpisodeRecord(), clock.now()
         self._planner = StepPlanner(task, size, limits.period, limits.speed_ratio)
 
-    def run(self, key: EpisodeKey, policy: ActingPolicy) -> tuple[Trajectory, EpisodeRecord]:
+    def run(self, key: EpisodeKey, policy: Actor) -> tuple[Trajectory, EpisodeRecord]:
         """Run the episode of a key and return what is streamed, and what happened.
 
         Raises:

@@ -66,11 +66,11 @@ def search_arguments(
     space = task.pairs
     rng, *_ = streams(seed, 100, index, 1)
     shape = (size.population, len(schema), space.argument_count)
-    uniform = near_expert is None
-    raw: FloatArray = rng.uniform(-1.0, 1.0, shape) if uniform else near_expert * rng.standard_normal(shape)
+    raw: FloatArray
+    raw = rng.uniform(-1, 1, shape) if near_expert is None else near_expert * rng.standard_normal(shape)
 
     def source(offsets: FloatArray) -> ArgumentSource:
-        return fixed(space.to_si(offsets)) if uniform else expert_and(task, offsets)
+        return fixed(space.to_si(offsets)) if near_expert is None else expert_and(task, offsets)
 
     mean, spread = np.zeros(shape[1:]), np.ones(shape[1:])
     best, best_score, hits = mean, np.inf, 0
