@@ -75,6 +75,8 @@ def test_keys_with_a_meaning_are_not_the_one_to_hold(key):
 class Attended:
     """Arms that need a key, which a person holds down some time after they are asked."""
 
+    guards_recovery = True
+
     def __init__(self, after: float = 0.05, patience: float = 5.0) -> None:
         self.asked = 0
         self.held = False

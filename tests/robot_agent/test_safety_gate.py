@@ -146,8 +146,9 @@ def test_the_first_fault_is_the_one_that_is_shown():
 class Watched:
     """A monitor that finds something wrong from a moment on."""
 
-    def __init__(self, moment: float) -> None:
+    def __init__(self, moment: float, guards_recovery: bool = False) -> None:
         self.moment = moment
+        self.guards_recovery = guards_recovery
 
     def fault(self, now: float) -> Fault | None:
         return Fault(FaultKind.CAMERA, "no frame", now) if now >= self.moment else None
@@ -162,6 +163,17 @@ def test_monitors_stop_a_motion_and_keep_one_from_beginning():
     with pytest.raises(FaultError):
         early.gate.execute(straight(HOME, swing()))
     assert early.sent == 0
+
+
+def test_the_way_home_needs_neither_camera_nor_redis_but_whoever_guards_it():
+    bench = TestBench(monitors=[Watched(0.0)])
+    assert bench.gate.execute(straight(HOME, swing()), recovering=True) is None
+    assert bench.sent
+    with pytest.raises(FaultError, match="no frame"):
+        bench.gate.execute(straight(swing(), HOME))
+    guarded = TestBench(monitors=[Watched(0.0, guards_recovery=True)])
+    with pytest.raises(FaultError, match="no frame"):
+        guarded.gate.execute(straight(HOME, swing()), recovering=True)
 
 
 def test_an_arm_that_does_not_arrive():

@@ -55,7 +55,7 @@ class SafetyGate:
         self._drivers = drivers
         self._clock = clock
         self._limits = limits
-        self._monitors = tuple(monitors)
+        self._monitors = self._guards = tuple(monitors)
         self._on_fault = on_fault
         self._sweep = Sweep(limits)
         self._lock = threading.Lock()
@@ -90,6 +90,7 @@ class SafetyGate:
     def execute(self, motion: Motion, *, recovering: bool = False) -> Refusal | None:
         """Make a motion, or refuse it; see `GatedArms`."""
         self._watched = self._relaxed() if recovering else self._limits
+        self._guards = tuple(item for item in self._monitors if item.guards_recovery or not recovering)
         self._demand_health()
         refusal = self.check(motion, recovering=recovering)
         if refusal is not None:
@@ -168,7 +169,7 @@ class SafetyGate:
         if self._fault is None:
             now = self._clock.now()
             fault = self._disconnected(now) or watch_states(self.states(), now, self._watched)
-            fault = fault or watch_monitors(self._monitors, now)
+            fault = fault or watch_monitors(self._guards, now)
             if fault is not None:
                 self._latch(fault)
         if self._fault is not None:
@@ -244,7 +245,7 @@ class SafetyGate:
             self._disconnected(now)
             or watch_states(states, now, self._watched)
             or watch_tracking(states, np.array(recent).swapaxes(0, 1), now, self._limits)
-            or watch_monitors(self._monitors, now)
+            or watch_monitors(self._guards, now)
         )
         if fault is not None:
             self._latch(fault)

@@ -33,7 +33,8 @@ class GatedArms(Protocol):
 
         Args:
             motion: from where the arms are.
-            recovering: shapes that are too near each other already may part.
+            recovering: on the way home after a fault: shapes that are too near each other already may part,
+                and only the monitors that guard a recovery count.
 
         Raises:
             FaultError: if a fault is latched, or one stops the motion.

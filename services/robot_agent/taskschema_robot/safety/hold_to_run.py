@@ -23,6 +23,8 @@ class HoldToRun:
 
     """
 
+    guards_recovery = True
+
     def __init__(self, monotonic: Callable[[], float] = time.monotonic) -> None:
         self._monotonic = monotonic
         self._last = -float("inf")

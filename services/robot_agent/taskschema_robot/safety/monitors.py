@@ -22,6 +22,8 @@ ENDED = ("finished", "stopped")
 class CameraMonitor:
     """The newest frame must not be too old; see `Monitor`."""
 
+    guards_recovery = False
+
     def __init__(self, camera: Camera, oldest: float) -> None:
         self._camera = camera
         self._oldest = oldest
@@ -64,6 +66,8 @@ class LinkMonitor:
         monotonic: the machine's own clock: Redis does not live in a twin's time.
 
     """
+
+    guards_recovery = False
 
     def __init__(
         self, records: RunRecords, run: str, longest: float, monotonic: Callable[[], float] = time.monotonic

@@ -22,6 +22,10 @@ LEAST_TRAVEL = 0.001
 class Monitor(Protocol):
     """Something beside the arms that has to be well while they move: a camera, Redis, a person's key."""
 
+    guards_recovery: bool
+    """Whether it must be well, too, while a person who acknowledged a fault has the arms brought home: what
+    only training needs must not keep them in the air."""
+
     def fault(self, now: float) -> Fault | None:
         """Return what is wrong at `now` [s] on the agent's clock; does not wait."""
         ...
