@@ -17,6 +17,8 @@ from taskschema.skills.table_space import TableRectangle
 
 Schema = tuple[tuple[str, str], ...]
 """One (left skill, right skill) per step, at most T of them."""
+GOOD_SHARE = 0.95
+"""Of a task's instances: what a schema of its good set solves at least, with some arguments."""
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,13 @@ from collections.abc import Sequence
 from statistics import median
 
 from taskschema.tasks.registry import get_task
+from taskschema.tasks.task import GOOD_SHARE
 from taskschema_learner.experiment.cell import CellResult
 from taskschema_learner.experiment.results_folder import Summary
 from taskschema_learner.schema_report import SchemaVerdict, has_good_set, schema_words
 
 POLICIES = ("schema", "state", "oracle", "transferred", "re-learned")
 DEFAULTS = ("Every cell is `taskschema train TASK --policy POLICY --seed SEED` with the defaults.",)
-GOOD_SHARE = 0.95
-"""Of instances that a good schema solves, as in the audit."""
 SETTINGS = {
     "images-sim": (
         "Every cell is `taskschema train TASK --observation image --seed SEED`; `transferred` adds",

@@ -8,10 +8,9 @@ import numpy as np
 
 from taskschema.errors import ConfigError, UnknownNameError
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
-from taskschema.tasks.task import Schema, Task
+from taskschema.tasks.task import GOOD_SHARE, Schema, Task
 from taskschema_worker.audit.episodes import BATCH, expert, fixed, run_schema, run_schemas, streams
 from taskschema_worker.audit.report import (
-    GOOD_TARGET,
     AuditReport,
     Corner,
     Rate,
@@ -145,8 +144,8 @@ class _Audit:
             schema_count=len(schemas),
             expert=expert_rate,
             corners=corners,
-            good=tuple(item for item in screened if item.rate.value >= GOOD_TARGET),
-            nearly_good=tuple(item for item in screened if 0 < item.rate.value < GOOD_TARGET),
+            good=tuple(item for item in screened if item.rate.value >= GOOD_SHARE),
+            nearly_good=tuple(item for item in screened if 0 < item.rate.value < GOOD_SHARE),
             idle=self._search("one arm idle", _choose(idle, self.effort.idle_schemas, picks[0]), 0),
             sample=self._search("other schemas", _choose(rest, self.effort.sample_schemas, picks[1]), 1000),
             random=random,
@@ -182,7 +181,7 @@ class _Audit:
         size, refined = self.effort.refine, []
         for index, item in enumerate(screened):
             self.progress("schemas solved in part", index / len(screened))
-            if 0 < item.rate.value < GOOD_TARGET and not is_idle(item.schema):
+            if 0 < item.rate.value < GOOD_SHARE and not is_idle(item.schema):
                 found = search_arguments(
                     self.environment, self.task, item.schema, self.seed, 2000 + index, size, NEAR_EXPERT
                 )

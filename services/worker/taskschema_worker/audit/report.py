@@ -9,7 +9,6 @@ from taskschema.tasks.task import Schema
 
 EXPERT_TARGET = 0.95
 CORNER_TARGET = 0.90
-GOOD_TARGET = 0.95
 IDLE_LIMIT = 0.02
 EPISODES_LIMIT, LARGE_EPISODES_LIMIT = 20_000, 200_000
 """Expected episodes to a first success: at most this, with no more schemas than `LARGE`, and with more."""
