@@ -155,6 +155,17 @@ def test_a_schema_that_the_audit_missed_is_different_and_counted_as_as_good_by_i
     assert "| toy | (reach, reach), (raise, raise) | 3 of 4 | 0 | 0 | 3 | 1 |" in page
 
 
+def test_from_images_everything_is_compared_with_the_transferred_schema():
+    transferred = result("toy", "transferred", 0, 2000)
+    page = report(Summary(experiment="images-sim", machines=("2 cores",), cells=(transferred,)))
+    assert "times `transferred`" in page
+    assert "The schema that" not in page  # nothing has learned one
+    relearned = result("toy", "re-learned", 0, 8000, "not solved", budget=8000)
+    page = report(Summary(experiment="images-sim", machines=("2 cores",), cells=(transferred, relearned)))
+    assert "| toy | re-learned | > 8,000 | > 8,000 | more than 4 |" in page
+    assert "The schema that `re-learned` found" in page
+
+
 def test_the_recorded_command_names_no_folder_of_this_machine():
     typed = "taskschema experiment paper-sim --tasks toy --runs-dir /somewhere/else --out=here --workers 0"
     assert without_places(typed) == "taskschema experiment paper-sim --tasks toy --workers 0"

@@ -11,6 +11,10 @@ from taskschema_learner.schema_report import SchemaVerdict, has_good_set, schema
 
 POLICIES = ("schema", "state", "oracle", "transferred", "re-learned")
 DEFAULTS = ("Every cell is `taskschema train TASK --policy POLICY --seed SEED` with the defaults.",)
+LEARNING = ("schema", "re-learned")
+"""Policies that learn their schema."""
+REFERENCES = ("schema", "transferred", "re-learned")
+"""Policies whose episodes the others' are compared with: the first that an experiment has."""
 SETTINGS = {
     "images-sim": (
         "Every cell is `taskschema train TASK --observation image --seed SEED`; `transferred` adds",
@@ -52,9 +56,10 @@ def _tasks(cells: Sequence[CellResult]) -> list[str]:
     return list(dict.fromkeys(result.task for result in cells))
 
 
-def _learned(cells: Sequence[CellResult]) -> str:
-    """Return which of the compared policies learns its schema."""
-    return "re-learned" if any(result.policy == "re-learned" for result in cells) else "schema"
+def _first(policies: Sequence[str], cells: Sequence[CellResult]) -> str | None:
+    """Return the first of some policies that has cells."""
+    found = {result.policy for result in cells}
+    return next((policy for policy in policies if policy in found), None)
 
 
 def _group(cells: Sequence[CellResult], task: str, policy: str) -> dict[int, CellResult]:
@@ -63,11 +68,12 @@ def _group(cells: Sequence[CellResult], task: str, policy: str) -> dict[int, Cel
 
 def _episodes_table(cells: Sequence[CellResult]) -> list[str]:
     seeds = sorted({result.seed for result in cells})
-    learned = _learned(cells)
-    heads = ["task", "policy", *(f"seed {seed}" for seed in seeds), "median", f"times `{learned}`"]
+    compared = _first(REFERENCES, cells)
+    heads = ["task", "policy", *(f"seed {seed}" for seed in seeds), "median"]
+    heads.append("times -" if compared is None else f"times `{compared}`")
     lines = ["## Episodes to 90 %", "", f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
     for task in _tasks(cells):
-        reference = _median(_group(cells, task, learned))
+        reference = None if compared is None else _median(_group(cells, task, compared))
         for policy in POLICIES:
             group = _group(cells, task, policy)
             if group:
@@ -111,7 +117,9 @@ def _ratio(own: tuple[float, bool] | None, reference: tuple[float, bool] | None)
 
 def _schema_table(cells: Sequence[CellResult]) -> list[str]:
     heads = ["task", "the paper's schema", "solved", *SchemaVerdict, "of these as good"]
-    learned = _learned(cells)
+    learned = _first(LEARNING, cells)
+    if learned is None:
+        return []
     lines = [f"## The schema that `{learned}` found", ""]
     lines += [f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
     for task_name in _tasks(cells):
