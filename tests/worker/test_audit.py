@@ -8,7 +8,7 @@ import pytest
 from taskschema.errors import ConfigError, UnknownNameError
 from taskschema.tasks.registry import get_task
 from taskschema_worker.audit import audit
-from taskschema_worker.audit.audit import Effort, _Audit, audit_with, is_idle
+from taskschema_worker.audit.audit import RANDOM_PART, Effort, _Audit, audit_with, is_idle
 from taskschema_worker.audit.report import AuditReport, Corner, Rate, SchemaRate, SearchedSchema
 from taskschema_worker.audit.search import Search, search_arguments
 from taskschema_worker.scene_environment import SceneEnvironment
@@ -31,7 +31,8 @@ def report(**changes):
         "nearly_good": (),
         "idle": (SearchedSchema(IDLE_SCHEMA, Rate(0, 50), 0, 100),),
         "sample": (),
-        "random": Rate(5, 1000),
+        "random": Rate(1, 1000),
+        "random_good": Rate(5, 1000),
     }
     return AuditReport(**(fields | changes))
 
@@ -58,7 +59,7 @@ def test_expected_episodes_by_hand():
         {"expert": Rate(94, 100)},
         {"corners": (Corner("good", Rate(10, 10)), Corner("bad", Rate(8, 10)))},
         {"idle": (SearchedSchema(IDLE_SCHEMA, Rate(2, 50), 9, 100),)},
-        {"random": Rate(4, 1000)},
+        {"random_good": Rate(4, 1000)},
     ],
 )
 def test_a_demand_that_is_not_met_is_said(changes):
@@ -130,7 +131,7 @@ def test_seeded_sample_of_the_audit(environment):
     assert expert.value >= 0.95
     assert all(corner.rate.value >= 0.9 for corner in corners)
     # With 25 good schemas, 20,000 expected episodes mean p = 0.15 %.
-    assert sample._random().value >= 0.0015
+    assert sample._random([TASK.paper_schema], RANDOM_PART).value >= 0.0015
 
 
 def test_packaged_good_set_holds_with_the_expert_s_arguments(environment):

@@ -25,7 +25,7 @@ Progress = Callable[[str, float], None]
 IDLE = "no_op"
 NEAR_EXPERT = 0.2
 """Spread of a search about the expert's arguments, in units of half a search space."""
-EXPERT_PART, CORNER_PART, SCREEN_PART, CONFIRM_PART, RANDOM_PART, SAMPLE_PART = range(6)
+EXPERT_PART, CORNER_PART, SCREEN_PART, CONFIRM_PART, RANDOM_PART, SAMPLE_PART, RANDOM_GOOD_PART = range(7)
 """Parts of the audit in the keys of their random streams."""
 
 
@@ -43,7 +43,7 @@ class Effort:
     confirm: int
     """Instances for schemas that succeed at the screening."""
     random: int
-    """Episodes with uniformly random arguments under the paper's schema."""
+    """Episodes with uniformly random arguments under the paper's schema, and again over all good ones."""
     idle_schemas: int
     """Schemas with one arm idle that are searched; all there are, if fewer."""
     sample_schemas: int
@@ -129,11 +129,11 @@ class _Audit:
 
     def run(self) -> AuditReport:
         expert_rate, corners = self._expert()
-        random = self._random()
         schemas = list(itertools.product(self.task.pairs.pairs, repeat=self.task.horizon))
         screened = self._refine(self._screen(schemas))
         idle = [schema for schema in schemas if is_idle(schema) and not self._is_repeat(schema)]
         solved = {item.schema for item in screened}
+        good = tuple(item for item in screened if item.rate.value >= GOOD_SHARE)
         rest = [schema for schema in schemas if schema not in solved and not is_idle(schema)]
         picks = streams(self.seed, SAMPLE_PART, 0, 2)
         return AuditReport(
@@ -144,11 +144,12 @@ class _Audit:
             schema_count=len(schemas),
             expert=expert_rate,
             corners=corners,
-            good=tuple(item for item in screened if item.rate.value >= GOOD_SHARE),
+            good=good,
             nearly_good=tuple(item for item in screened if 0 < item.rate.value < GOOD_SHARE),
             idle=self._search("one arm idle", _choose(idle, self.effort.idle_schemas, picks[0]), 0),
             sample=self._search("other schemas", _choose(rest, self.effort.sample_schemas, picks[1]), 1000),
-            random=random,
+            random=self._random([self.task.paper_schema], RANDOM_PART),
+            random_good=self._random([item.schema for item in good], RANDOM_GOOD_PART),
         )
 
     def _expert(self) -> tuple[Rate, tuple[Corner, ...]]:
@@ -210,14 +211,17 @@ class _Audit:
         pauses = [pair == (IDLE, IDLE) for pair in schema]
         return self.effort.skip_repeats and pauses != sorted(pauses)
 
-    def _random(self) -> Rate:
-        """Try uniformly random arguments, new ones for every episode and step."""
+    def _random(self, schemas: Sequence[Schema], part: int) -> Rate:
+        """Try uniformly random arguments, new ones for every episode and step, under schemas in turn."""
         self.progress("random arguments", 0.0)
-        schema, space = self.task.paper_schema, self.task.pairs
-        rngs = streams(self.seed, RANDOM_PART, 0, self.effort.random)
+        if not schemas:
+            return Rate(0, self.effort.random)
+        space, steps = self.task.pairs, len(schemas[0])
+        rngs = streams(self.seed, part, 0, self.effort.random)
         instances = [self.task.draw_instance(rng) for rng in rngs]
-        raw = np.stack([rng.uniform(-1.0, 1.0, (len(schema), space.argument_count)) for rng in rngs])
-        outcome = run_schema(self.environment, self.task, schema, instances, fixed(space.to_si(raw)))
+        raw = np.stack([rng.uniform(-1.0, 1.0, (steps, space.argument_count)) for rng in rngs])
+        turns = [schemas[episode % len(schemas)] for episode in range(self.effort.random)]
+        outcome = run_schemas(self.environment, self.task, turns, instances, fixed(space.to_si(raw)))
         return Rate(int(outcome.success.sum()), self.effort.random)
 
     def _search(self, part: str, schemas: Sequence[Schema], offset: int) -> tuple[SearchedSchema, ...]:

@@ -94,12 +94,14 @@ class AuditReport:
     sample: tuple[SearchedSchema, ...]
     """A seeded sample of the schemas that are neither good nor idle."""
     random: Rate
-    """Uniformly random arguments under the paper's schema: p."""
+    """Uniformly random arguments under the paper's schema."""
+    random_good: Rate
+    """Uniformly random arguments under each of the good schemas in turn: p."""
 
     @property
     def expected_episodes(self) -> float:
-        """|X|^T / (m p), the expected episodes to a first success; infinite if nothing succeeded."""
-        found = len(self.good) * self.random.value
+        """|X|^T / (m p): expected until a good schema's first success; infinite if none succeeded."""
+        found = len(self.good) * self.random_good.value
         return self.schema_count / found if found else math.inf
 
     @property
@@ -164,9 +166,10 @@ class AuditReport:
             "",
             "## (c) How rare is a first success?",
             "",
-            f"Uniformly random arguments under the paper's schema succeed in {self.random}. With m = "
-            f"{len(self.good)} good schemas of {self.schema_count}: |X|^T / (m p) = "
-            f"{self.expected_episodes:,.0f} episodes to a first success.",
+            f"Uniformly random arguments succeed in {self.random} under the paper's schema, and under the good "
+            f"schemas, taken in turn, in p = {self.random_good}. With m = {len(self.good)} good schemas of "
+            f"{self.schema_count}, uniformly random schemas take |X|^T / (m p) = "
+            f"{self.expected_episodes:,.0f} episodes to a good one's first success.",
         ]
         return "\n".join(lines) + "\n"
 
