@@ -166,9 +166,9 @@ class AuditReport:
             "",
             "## (c) How rare is a first success?",
             "",
-            f"Uniformly random arguments succeed in {self.random} under the paper's schema, and under the good "
-            f"schemas, taken in turn, in p = {self.random_good}. With m = {len(self.good)} good schemas of "
-            f"{self.schema_count}, uniformly random schemas take |X|^T / (m p) = "
+            f"Uniformly random arguments succeed in {self.random} under the paper's schema, and under the "
+            f"good schemas, taken in turn, in p = {self.random_good}. With m = {len(self.good)} good schemas "
+            f"of {self.schema_count}, uniformly random schemas take |X|^T / (m p) = "
             f"{self.expected_episodes:,.0f} episodes to a good one's first success.",
         ]
         return "\n".join(lines) + "\n"
