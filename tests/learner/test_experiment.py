@@ -13,11 +13,12 @@ import msgspec
 import pytest
 
 from taskschema.config import RunConfig
+from taskschema.tasks.registry import get_task
 from taskschema_learner.default_config import default_config
 from taskschema_learner.evaluation import wilson
 from taskschema_learner.experiment.cell import Cell, CellResult
 from taskschema_learner.experiment.experiment import without_places
-from taskschema_learner.experiment.measurement import CURVE_ROWS, thinned_curve
+from taskschema_learner.experiment.measurement import CURVE_ROWS, judged, thinned_curve
 from taskschema_learner.experiment.plan import Plan, next_cell
 from taskschema_learner.experiment.report import report
 from taskschema_learner.experiment.results_folder import ResultsFolder, Summary
@@ -153,6 +154,13 @@ def test_a_schema_that_the_audit_missed_is_different_and_counted_as_as_good_by_i
     )
     page = report(Summary(experiment="paper-sim", machines=("2 cores",), cells=cells))
     assert "| toy | (reach, reach), (raise, raise) | 3 of 4 | 0 | 0 | 3 | 1 |" in page
+
+
+def test_verdicts_are_those_of_the_good_set_of_today():
+    stale = result("toy", "schema", 0, 4000, schema=get_task("toy").paper_schema, verdict="different")
+    assert judged(stale).verdict == "equal"
+    state = result("toy", "state", 0, 4000)
+    assert judged(state) == state
 
 
 def test_from_images_everything_is_compared_with_the_transferred_schema():

@@ -10,6 +10,7 @@ import msgspec
 
 from taskschema.errors import SchemaMismatchError
 from taskschema.schema import BestPair
+from taskschema.skills.no_op import NoOp
 from taskschema.tasks.task import Schema, Task
 
 
@@ -86,30 +87,39 @@ def compare(task: Task, best: Sequence[BestPair]) -> SchemaComparison:
     """Compare a run's most probable pairs, one per step, with the paper's schema and the good set.
 
     Steps after the one at which episodes succeed are unused and match anything. A run that never succeeded
-    uses all of its steps. A schema that begins like the paper's but needs more steps is equivalent.
+    uses all of its steps.
 
     Raises:
         SchemaMismatchError: if the task's file of good schemas is damaged.
 
     """
     used = tuple((item.left, item.right) for item in best if item.used)
-    used = used or tuple((item.left, item.right) for item in best)
+    return compare_used(task, used or tuple((item.left, item.right) for item in best))
+
+
+def compare_used(task: Task, used: Schema) -> SchemaComparison:
+    """Compare the used steps of a schema with the paper's and the good set.
+
+    An episode ends at its first success, so whatever follows steps that solve a task takes nothing away. The
+    audit measures schemas of T steps; one that ends in no-ops tells what the steps before them do alone. A
+    schema that begins with these is as good.
+
+    Raises:
+        SchemaMismatchError: if the task's file of good schemas is damaged.
+
+    """
     paper, *others = good_schemas(task)
     if used == paper:
         verdict = SchemaVerdict.EQUAL
-    elif any(used[: len(good)] == good for good in (paper, *others)) or _ends_early(task, used, others):
+    elif any(used[: len(core)] == core for core in (paper, *map(_without_rest, others))):
         verdict = SchemaVerdict.EQUIVALENT
     else:
         verdict = SchemaVerdict.DIFFERENT
     return SchemaComparison(used, paper, verdict)
 
 
-def _ends_early(task: Task, used: Schema, good: Sequence[Schema]) -> bool:
-    """Whether the used steps alone solve the task: then they do so with whatever comes after them.
-
-    The audit measures whole schemas, so this asks for most of their |X|^(T - used) continuations; for
-    most, because an audit's samples vary.
-    """
-    continuations = len(task.pairs) ** (task.horizon - len(used))
-    found = sum(schema[: len(used)] == used for schema in good if len(schema) == task.horizon)
-    return len(used) < task.horizon and found > continuations / 2
+def _without_rest(schema: Schema) -> Schema:
+    """Return a schema without the steps at its end in which both arms do nothing."""
+    while schema and all(name == NoOp.name for name in schema[-1]):
+        schema = schema[:-1]
+    return schema

@@ -14,7 +14,7 @@ from taskschema.errors import ExperimentError
 from taskschema_learner.experiment.cell import Cell, CellResult
 from taskschema_learner.experiment.cell_training import CellTraining
 from taskschema_learner.experiment.figure import FIGURE, draw_figure
-from taskschema_learner.experiment.measurement import held_out_success, measure, thinned_curve
+from taskschema_learner.experiment.measurement import held_out_success, judged, measure, thinned_curve
 from taskschema_learner.experiment.plan import Plan, next_cell
 from taskschema_learner.experiment.recipe import Recipe
 from taskschema_learner.experiment.report import report
@@ -130,7 +130,7 @@ class Experiment:
 
     def _write(self) -> None:
         """Write summary, tables and figure of all cells so far."""
-        known = sorted(self._results.values(), key=_order)
+        known = sorted(map(judged, self._results.values()), key=_order)
         self._summary = msgspec.structs.replace(self._summary, cells=tuple(known))
         self._folder.write(self._summary)
         if known:

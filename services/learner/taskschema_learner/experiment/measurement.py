@@ -4,16 +4,17 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from taskschema.metrics import RoundMetrics
-from taskschema.tasks.registry import task_of
+from taskschema.tasks.registry import get_task, task_of
 from taskschema_learner.evaluation import SuccessRate, held_out_episodes, wilson
 from taskschema_learner.experiment.cell import Cell, CellResult, CellState
 from taskschema_learner.plots import TARGET
 from taskschema_learner.run_folder import RunFolder
 from taskschema_learner.run_policies import newest_policy
-from taskschema_learner.schema_report import compare
+from taskschema_learner.schema_report import compare, compare_used
 
 CURVE_ROWS = 300
 """Most rows of a cell's table."""
@@ -58,6 +59,19 @@ def measure(folder: RunFolder, cell: Cell, budget: int) -> CellResult | None:
         commit=source_commit(),
         steps=last.steps,
     )
+
+
+def judged(result: CellResult) -> CellResult:
+    """Return a cell with the verdict that its schema has with the good set of today.
+
+    Raises:
+        TaskschemaError: if its task is not there any more.
+
+    """
+    if result.schema is None:
+        return result
+    verdict = compare_used(get_task(result.task), result.schema).verdict
+    return msgspec.structs.replace(result, verdict=verdict)
 
 
 def held_out_success(folder: RunFolder) -> SuccessRate:
