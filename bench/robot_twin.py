@@ -147,13 +147,11 @@ UNCOUNTED = "*"
 SIMULATION = """
 ## In simulation, with the gate
 
-Where the policies of the rows above come from: `taskschema train TASK --policy oracle --safety-gate
---init-policy RUN --until-success 0.97 --run-dir runs/robot-twin/simulated/OBJECT`, in rounds of 200
-episodes and with the settings of simulation; for the water bottle with `--init-schema RUN --freeze-schema`
-instead of `--policy oracle`. For heavy bar and water bottle RUN was one without the gate that learned its
-schema: `taskschema train lateral-lifting --seed 1`, `taskschema train opening`. For the rolling pin
-(`--task-file docs/examples/carried.py:RollingPin`) it was the heavy bar's with the gate. The glass jar starts
-from an earlier policy of the water bottle, with the paper's schema.
+Where the policies of the rows above come from: `taskschema train TASK --init-schema RUN --freeze-schema
+--safety-gate --init-policy RUN --until-success 0.97 --run-dir runs/robot-twin/simulated/OBJECT`, in rounds of
+200 episodes and with the settings of simulation, where RUN is one without the gate that learned its schema:
+`taskschema train TASK --run-dir RUN`. Heavy bar (seed 1) and rolling pin (from the heavy bar's policy, as
+`--task-file docs/examples/carried.py:RollingPin`) had `--policy oracle` instead of a schema.
 
 | object | first weights | episodes | first round | last 100 | refused, first round | refused, last round |
 |---|---|---|---|---|---|---|
