@@ -8,7 +8,7 @@ refused: what no clearance has to do with.
 
 import argparse
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from taskschema.safety.limits import SafetyLimits
 from taskschema.safety.plan_checks import check_plan
 from taskschema.safety.refusal import Refusal
 from taskschema.safety.sweep import Sweep
-from taskschema.tasks.registry import get_task
+from taskschema.tasks.registry import task_of
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
 from taskschema.tasks.task import StepResult
 from taskschema_learner.learner import Learner
@@ -58,7 +58,7 @@ class Begun:
 class NotedEnvironment(SceneEnvironment):
     """Notes how each step began."""
 
-    def reset_to(self, instances: list[ObjectInstance]) -> FloatArray:
+    def reset_to(self, instances: Sequence[ObjectInstance]) -> FloatArray:
         """See `SceneEnvironment`."""
         self.instances = instances
         self.begun: list[list[Begun]] = [[] for _ in instances]
@@ -107,25 +107,29 @@ def _state(step: Begun, arm: int) -> ArmState:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("task")
-    parser.add_argument("--episodes", type=int, default=4000)
+    parser.add_argument("task", nargs="?", help="not needed with --run")
+    parser.add_argument("--episodes", type=int, default=4000, help=f"in batches of {BATCH}")
     parser.add_argument("--run", type=Path, help="folder of a run, whose newest policy acts")
     parser.add_argument("--touching", action="store_true", help="allow everything but contact")
     parser.add_argument("--all", action="store_true", help="check failures' plans, too, not successes' only")
     arguments = parser.parse_args()
-    task = get_task(arguments.task)
-    assert isinstance(task, SceneTask)
-    config = RunConfig(task=arguments.task, policy="oracle")
-    snapshot = Learner(config, task).snapshot()
-    if arguments.run is not None:
+    if (arguments.task is None) == (arguments.run is None):
+        parser.error("name a task, or a run with --run")
+    if arguments.run is None:
+        config = RunConfig(task=arguments.task, policy="oracle")
+        snapshot = Learner(config, task_of(config)).snapshot()
+    else:
         folder = RunFolder.open(arguments.run)
         config, snapshot = folder.config, newest_policy(folder)
+    task = task_of(config)
+    assert isinstance(task, SceneTask)
     policy = policy_of(config, task, snapshot)
     limits = SafetyLimits(period=0.02, **(TOUCHING if arguments.touching else {}))
     trial, environment = GateTrial(task, limits), NotedEnvironment(task)
     episodes, plans, kinds, spoiled = 0, 0, Counter[str](), 0
     first_steps = Counter[str]()
-    for round_index in range(arguments.episodes // BATCH):
+    rounds = -(-arguments.episodes // BATCH)
+    for round_index in range(rounds):
         for success, steps, scale in _episodes(environment, policy, task, config, round_index):
             if not (success or arguments.all):
                 continue
@@ -140,7 +144,7 @@ def main() -> None:
                     print(f"{one.kind}: {one.reason}, {one.time:.2f} s after its start")
     whose = "episodes" if arguments.all else "successes"
     print(
-        f"{machine()}: {arguments.episodes} episodes of {task.name}; of {episodes} {whose}, {plans} plans, "
+        f"{machine()}: {rounds * BATCH} episodes of {task.name}; of {episodes} {whose}, {plans} plans, "
         f"{spoiled} have one that is refused: {dict(kinds)}; first steps: {dict(first_steps)}"
     )
 
