@@ -28,6 +28,7 @@ from taskschema.policies import Policy
 from taskschema.schema import SchemaView
 from taskschema.tasks import Task, get_task
 from taskschema.tasks.scene_task import SceneTask
+from taskschema.tasks.task import GOOD_SHARE
 from taskschema_learner.default_config import default_config
 from taskschema_learner.learner import Learner
 from taskschema_learner.machine import machine
@@ -43,7 +44,6 @@ Made by `{command}` on {machine}. A run ends when
 TOY_NOTE = """`toy-trap` is the toy with as many schemas that succeed in at most 20 % of episodes as good
 ones. The good set is made with the expert's arguments; the `state` policy has no schema.
 """
-GOOD_RATE = 0.95
 EARLIER = {"schema.alpha": "2", "schema.beta": "4e-4"}
 """Defaults before opening was learned: everything that ever succeeds is kept."""
 TRAPS: dict[str, type[Task]] = {"toy-trap": TrapToy}
@@ -77,7 +77,7 @@ def good_toy_schemas(task_name: str) -> frozenset[tuple[int, ...]]:
             result = environment.step(live, np.full(len(live), pair), arguments)
             observations[live] = result.observations
             solved[live] |= result.success
-        if solved.mean() >= GOOD_RATE:
+        if solved.mean() >= GOOD_SHARE:
             good.add(schema)
     return frozenset(good)
 

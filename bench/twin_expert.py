@@ -107,8 +107,10 @@ def main() -> None:
     parser.add_argument("objects", nargs="*", metavar="OBJECT", help=f"of {', '.join(OBJECTS)}; default: all")
     parser.add_argument("--episodes", type=int, default=20, help="of each object")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--write", action="store_true", help=f"replace {OUT}")
+    parser.add_argument("--write", action="store_true", help=f"replace {OUT}, of all objects")
     arguments = parser.parse_args()
+    if arguments.write and arguments.objects:
+        parser.error("--write needs all objects: name none")
     logging.getLogger("taskschema").setLevel(logging.CRITICAL)
     tallies = {}
     for name in arguments.objects or OBJECTS:
@@ -124,7 +126,8 @@ def rehearse(item: RobotObject, episodes: int, seed: int) -> Tally:
     task = task_for(item)
     tally, limits = Tally(), SafetyLimits(speed_ratio=1.0, period=1.0 / RATE)
     with ExitStack() as stack:
-        hardware = twin_hardware(stack, client := own_twin(stack, item), limits.period)
+        client = own_twin(stack, item)
+        hardware = twin_hardware(stack, client, limits.period)
         gate = SafetyGate(hardware.drivers, hardware.clock, limits)
         gate.prepare()
         world = TrueWorld(client, task, item, hardware.clock)

@@ -58,5 +58,5 @@ def _reason(task: Task, comparison: SchemaComparison) -> str:
     good = sum(len(schema) == task.horizon for schema in good_schemas(task))
     audited = f"solve at least 95 % of the audit's instances, of which there are {good} among {schemas:,}"
     if comparison.verdict is SchemaVerdict.EQUIVALENT:
-        return f"Equivalent: it is another of the schemas that {audited}."
+        return f"Equivalent: it is, or begins with, another of the schemas that {audited}."
     return f"Different: it is none of the schemas that {audited}, although it may succeed in some."

@@ -20,7 +20,7 @@ class SchemaVerdict(StrEnum):
     EQUAL = "equal"
     """The paper's schema (Table I)."""
     EQUIVALENT = "equivalent"
-    """Another member of the good set."""
+    """Another member of the good set, or what begins with one."""
     DIFFERENT = "different"
     """Neither."""
 

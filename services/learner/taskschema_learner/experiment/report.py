@@ -132,9 +132,10 @@ def _schema_table(cells: Sequence[CellResult]) -> list[str]:
         name = task_name if has_good_set(task) else f"{task_name} (1)"
         lines.append(f"| {name} | {schema_words(task.paper_schema)} | {' | '.join(numbers)} |")
     note = (
-        "Verdicts of solved cells. Equivalent: another member of the audit's good set. As good: different,\n"
-        f"but its policy solves at least {GOOD_SHARE:.0%} of the held-out instances, which is what the\n"
-        "audit asks of a good schema; the audit's own search for arguments did not get there."
+        "Verdicts of solved cells. Equivalent: it is, or begins with, another member of the audit's good "
+        f"set.\nAs good: different, but its policy solves at least {GOOD_SHARE:.0%} of the held-out "
+        "instances, which is what the\naudit asks of a good schema; the audit's own search for arguments "
+        "did not get there."
     )
     if not all(has_good_set(get_task(name)) for name in _tasks(cells)):
         note += " (1): no audit yet, so that whatever is not equal counts as different."
