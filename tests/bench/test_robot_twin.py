@@ -82,6 +82,28 @@ def test_both_ways_of_an_object_stand_side_by_side(place):
     assert "| water-bottle | another run's | 400 | 50.0% | 50% | 50% | 5% |" in text  # 300, 30 of 600
 
 
+def test_a_report_without_runs_redraws_the_curves_and_leaves_the_page(place):
+    robot_twin.OUT.mkdir(parents=True)
+    page = robot_twin.OUT / "README.md"
+    page.write_text("as it was")
+    (robot_twin.OUT / "heavy-bar.csv").write_text("episode,hours,success_last_100\n1,0.5,0.25\n")
+    robot_twin.write_results()
+    assert page.read_text() == "as it was"
+    assert (robot_twin.OUT / "curves.png").stat().st_size > 1000
+
+
+def test_the_words_about_simulation_are_the_pages():
+    page = (Path(robot_twin.__file__).parents[1] / robot_twin.OUT / "README.md").read_text()
+    assert robot_twin.SIMULATION in page
+
+
+@pytest.mark.parametrize("see", ["truth", "camera"])
+def test_the_agent_is_told_by_what_to_see(see):
+    given = argparse.Namespace(object="water-bottle", see=see)
+    command = robot_twin._serve_command(given, Path("somewhere"))
+    assert command[command.index("--see") + 1] == see
+
+
 def test_the_policy_is_handed_to_the_learner(place):
     given = argparse.Namespace(
         task="opening",

@@ -1,6 +1,7 @@
 """An agent on recording arms, a scripted object, and a real run on a real Redis."""
 
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,12 +31,17 @@ CONFIG = RunConfig(
 
 
 class ScriptedWorld:
-    """An object that stays where it is; outcomes come from a list, then failure for ever."""
+    """An object that stays where it is; outcomes come from a list, then failure for ever.
 
-    def __init__(self, outcomes: list[Outcome] | None = None) -> None:
-        self.outcomes = outcomes or []
-        self.resets = 0
-        self.on_reset = lambda: None
+    So do last looks, for what stands on the table has failed; a person who is asked knows what is listed.
+    """
+
+    def __init__(
+        self, outcomes: Sequence[Outcome] = (), looks: Sequence[Outcome] = (), answers: Sequence[Outcome] = ()
+    ) -> None:
+        self.outcomes, self.looks, self.answers = list(outcomes), list(looks), list(answers)
+        self.resets = self.last_looks = self.asked = 0
+        self.on_reset = self.on_ask = lambda: None
 
     def reset(self, instance):
         self.resets += 1
@@ -50,8 +56,15 @@ class ScriptedWorld:
         outcome = self.outcomes.pop(0) if self.outcomes else Outcome.FAILURE
         return Judgement(outcome, "as scripted")
 
+    def ask(self, judgement):
+        self.asked += 1
+        self.on_ask()
+        return Judgement(self.answers.pop(0), "by a person's word") if self.answers else judgement
+
     def last_look(self, start):
-        return Judgement(Outcome.UNKNOWN, "hidden")
+        self.last_looks += 1
+        outcome = self.looks.pop(0) if self.looks else Outcome.FAILURE
+        return Judgement(outcome, "it stands on the table")
 
 
 class NotedOperator(Unattended):

@@ -3,11 +3,15 @@
 import sys
 from contextlib import ExitStack
 from pathlib import Path
+from threading import Event
 
 import pytest
+from bus_setup import Run
 
-from taskschema.errors import UnknownNameError
+from taskschema.config import RunConfig
+from taskschema.errors import ConfigError, UnknownNameError
 from taskschema_robot.cli.arms import DRIVERS, Robots, robot_hardware
+from taskschema_robot.cli.serving import Serving, serve
 from taskschema_robot.drivers.driver import ArmDriver
 from taskschema_robot.drivers.pyrobot.arm import CHILD
 from taskschema_robot.errors import NotConnectedError
@@ -46,3 +50,36 @@ def test_pyrobot_gets_each_arms_own_ros_master(monkeypatch):
 def test_an_unknown_driver_is_named_with_those_there_are():
     with ExitStack() as stack, pytest.raises(UnknownNameError, match="pyrobot, rosbridge"):
         robot_hardware(stack, Robots(ADDRESSES["rosbridge"], "pyrobt"))
+
+
+@pytest.mark.parametrize(
+    ("observation", "said", "reason"),
+    [
+        ("state", False, "--state-from-markers"),
+        ("state", True, "Robots need eyes"),
+        ("image", False, "Robots need eyes"),
+    ],
+)
+def test_real_robots_show_no_policy_their_markers_unasked(shared_redis, tmp_path, observation, said, reason):
+    config = RunConfig(task="lateral-lifting", observation=observation, slots=3, episodes_per_slot=1)
+    with Run(shared_redis.url, config) as run:
+        options = Serving(
+            run=run.name,
+            item="heavy-bar",
+            redis=run.url,
+            twin=None,
+            robots=Robots(ADDRESSES["rosbridge"]),
+            camera=None,
+            lens=None,
+            see_truth=False,
+            folder=tmp_path,
+            speed_ratio=0.1,
+            rate=100,
+            stop_port=0,
+            hold_to_run=False,
+            preview=False,
+            unattended=True,
+            state_from_markers=said,
+        )
+        with pytest.raises(ConfigError, match=reason):
+            serve(options, Event())

@@ -130,7 +130,7 @@ def test_what_a_dropped_episode_holds_is_put_down_before_the_next_one_begins():
     closed = np.full(2, rethink_gripper().closed)
     bench.gate.execute(Motion(np.repeat(HOME[:, None], 2, axis=1), np.repeat(closed[:, None], 2, 1), 0.01))
     runner._planner.hands.opening = closed
-    runner._planner.hands.closed_at = [0.1, 0.1]
+    runner._planner.hands.took_at = [0.1, 0.1]
     opened: list[float] = []
     set_gripper = bench.arms[0].set_gripper
 

@@ -21,6 +21,7 @@ from taskschema.errors import StaleTokenError
 from taskschema_learner.embedded_redis import EmbeddedRedis
 from taskschema_robot.agent.keyboard import Keyboard
 from taskschema_robot.agent.stop_endpoint import StopEndpoint
+from taskschema_robot.agent.world import SessionEndedError
 from taskschema_robot.camera.camera import Frame
 from taskschema_robot.errors import CameraError
 from taskschema_robot.safety.fault import FaultKind
@@ -186,6 +187,14 @@ def test_the_stop_key_stops_whatever_was_typed_with_it(typed):
     with keyboard_of_a_terminal(stopped.set) as (leader, _):
         os.write(leader, typed)
         assert stopped.wait(5.0)
+
+
+def test_a_question_that_only_a_next_episode_needs_ends_with_the_session():
+    ended = threading.Event()
+    with keyboard_of_a_terminal(lambda: None) as (_, keyboard):
+        threading.Timer(0.2, ended.set).start()
+        with pytest.raises(SessionEndedError):
+            keyboard.ask("Press Enter when it is there. ", ended.is_set)
 
 
 def test_a_terminal_that_is_gone_stops_the_arms():

@@ -1,6 +1,7 @@
 """The PyRobot driver against stand-ins with PyRobot's published signatures, in a process of its own."""
 
 import os
+import signal
 import sys
 import time
 from pathlib import Path
@@ -32,8 +33,8 @@ def arm():
     driver.close()
 
 
-def wait_until(condition) -> None:
-    deadline = time.monotonic() + 10
+def wait_until(condition, seconds: float = 10.0) -> None:
+    deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.01)
@@ -79,6 +80,36 @@ def sent(arm, positions) -> bool:
     except StaleStateError:
         return False
     return True
+
+
+def test_a_stop_waits_for_no_set_point_and_only_the_newest_is_made():
+    arm = PyrobotArm("left", process(TASKSCHEMA_SLOW_SETPOINT="0.5"), RealClock())
+    arm.connect()
+    arm.enable()
+    start = arm.state().positions
+    for step in range(1, 21):
+        wait_until(lambda step=step: sent(arm, start + 0.001 * step))
+    wait_until(lambda: np.allclose(arm.state().positions, start + 0.02), 4.0)
+    for _ in range(20):
+        wait_until(lambda: sent(arm, start))
+    arm.stop()
+    wait_until(lambda: arm.state().stopped, 2.0)
+    arm.close()
+
+
+def flood(arm) -> None:
+    for _ in range(100_000):
+        arm.set_speed_ratio(0.1)
+
+
+def test_a_process_that_takes_nothing_is_ended_and_waited_for_by_nobody(arm):
+    os.kill(arm._process.pid, signal.SIGSTOP)
+    begin = time.monotonic()
+    with pytest.raises(NotConnectedError, match="does not take commands"):
+        flood(arm)
+    arm.stop()
+    assert time.monotonic() - begin < 5.0
+    wait_until(lambda: not arm.connected)
 
 
 def test_a_process_that_dies_is_noticed(arm):

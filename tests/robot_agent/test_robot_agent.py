@@ -4,6 +4,7 @@ import csv
 import logging
 import os
 import signal
+import threading
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from taskschema.trajectory import TrajectoryFormat
 from taskschema_learner.embedded_redis import EmbeddedRedis
 from taskschema_robot.agent.episode_log import EpisodeLog
 from taskschema_robot.agent.world import EpisodeDroppedError
-from taskschema_robot.errors import RobotError
+from taskschema_robot.errors import NotReadyError, RobotError
 from taskschema_robot.reward.judge import Outcome
 
 
@@ -97,6 +98,38 @@ def test_a_fault_drops_the_episode_and_it_is_run_again(run, bench, tmp_path):
     assert progress.seconds == pytest.approx(counted + float(row["seconds"]), abs=0.03)
 
 
+def test_an_acknowledgement_that_comes_too_early_is_asked_for_again(run, bench, monkeypatch):
+    """Before the button is released, more often than arms may try to get home; then after another stop."""
+    monkeypatch.setattr("taskschema_robot.agent.robot_agent.RETRY_SECONDS", 0.0)
+    learner, _ = open_round(run)
+    arm, asked = bench.arms.arms[1], []
+    reset = arm.reset
+
+    def acknowledge(fault) -> str:
+        asked.append(fault.reason)
+        arm.reset = still_pressed if len(asked) < 9 else stopped_again if len(asked) == 9 else reset
+        return "tester"
+
+    def still_pressed() -> None:
+        raise NotReadyError("right: the emergency stop button is pressed: release it first.")
+
+    def stopped_again() -> None:
+        reset()
+        bench.arms.gate.stop("the stop key")
+
+    def press() -> None:
+        bench.world.on_reset = lambda: None
+        bench.arms.clock.after(0.05, lambda: arm.changes.update(emergency_stop=True))
+
+    bench.operator.acknowledge = acknowledge
+    bench.world.on_reset = press
+    bench.serve(3)
+    assert sorted(item.trajectories[0].attempt for item in gather(learner, 3)) == [0, 0, 1]
+    first = "right arm: its emergency stop is pressed"
+    again = "right: the emergency stop button is pressed: release it first."
+    assert asked == [first, *[f"{first}\n\nNot yet: {again}"] * 8, "the stop key"]
+
+
 @pytest.mark.parametrize(
     ("said", "lines"),
     [
@@ -118,7 +151,7 @@ def test_what_a_person_says_stands_in_the_log(run, bench, caplog, said, lines):
 
 def test_an_unknown_outcome_is_never_a_failure(run, tmp_path):
     learner, _ = open_round(run)
-    world = ScriptedWorld([Outcome.UNKNOWN] * 3)
+    world = ScriptedWorld([Outcome.UNKNOWN] * 3, looks=[Outcome.UNKNOWN])
     bench = AgentBench(run, tmp_path, world)
     bench.serve(3)
     assert any("unknown" in reason for reason in bench.operator.drops)
@@ -132,7 +165,7 @@ def test_a_kept_episode_is_delivered_without_moving_again(run, tmp_path):
     item = WorkItem(0, 1, snapshot.sha256)
     lease = next(lease for lease in first.bus.lease(100) if lease.item.slot == 1)
     policy = Policy(first.bus.policy(lease), TASK.pairs, TASK.observation)
-    trajectory = first.agent._perform(item, policy)
+    trajectory = first.agent._perform(item, policy, threading.Event())
     first.agent._log.keep(item, [trajectory])
     first.bus._heartbeat._stop.set()  # killed before it could deliver
     first.bus._heartbeat._thread.join()
@@ -188,7 +221,7 @@ def test_a_robot_runs_one_episode_a_slot(shared_redis, tmp_path):
 
 def test_an_episode_that_is_dropped_for_ever_ends_the_agent(run, tmp_path):
     open_round(run)
-    bench = AgentBench(run, tmp_path, ScriptedWorld([Outcome.UNKNOWN] * 100))
+    bench = AgentBench(run, tmp_path, ScriptedWorld([Outcome.UNKNOWN] * 100, looks=[Outcome.UNKNOWN] * 100))
     with pytest.raises(EpisodeDroppedError, match="dropped 20 times"):
         bench.serve(3)
     bench.leave()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from motions import PERIOD, grasp_of_the_bar, skill_motion, straight
+from motions import BAR, PERIOD, grasp_of_the_bar, skill_motion, straight
 from recording_arms import HOME, TestBench
 
 from taskschema.errors import ConfigError
@@ -14,7 +14,12 @@ from taskschema.kinematics.sawyer import sawyer, sawyer_pair
 from taskschema.safety.limits import Box, SafetyLimits
 from taskschema.safety.motion import HeldObject, Motion
 from taskschema.safety.refusal import RefusalKind
+from taskschema.safety.step_motion import hand_goal
+from taskschema.skills.registry import get_skill
 from taskschema_robot.safety.picture import draw_motion
+
+INSTANCE = BAR.draw_instance(np.random.default_rng(0))
+POSE = np.array([*INSTANCE.position, *INSTANCE.quaternion])
 
 
 def standing(joints=HOME, count=5) -> Motion:
@@ -132,6 +137,27 @@ def test_the_hands_end_where_they_are_meant_to():
     assert refused(motion) is None
     far = replace(motion, goals=(np.array([0.5, 0.5]), None))
     assert refused(far).kind is RefusalKind.INVERSE_KINEMATICS
+
+
+@pytest.mark.parametrize(("shift", "words"), [(0.05, "5.0 cm below"), (-0.05, "5.0 cm above")])
+def test_the_hands_end_at_the_height_they_are_meant_to(shift, words):
+    motion = skill_motion(HOME, ("lift", "no_op"), ([0.2], []))
+    goal = hand_goal(get_skill("lift"), np.array([0.2]), POSE, 0, HOME[0])
+    assert refused(replace(motion, goals=(goal, None))) is None
+    refusal = refused(replace(motion, goals=(goal + np.array([0.0, 0.0, shift]), None)))
+    assert refusal.kind is RefusalKind.INVERSE_KINEMATICS
+    assert refusal.reason == f"the left hand would end {words} where it was meant to"
+
+
+@pytest.mark.parametrize("z", [0.08, -0.1])
+def test_a_go_to_pose_ends_where_its_arguments_say_or_as_low_as_the_table_lets_it(z):
+    values = np.array([0.0, 0.08, z, np.pi, np.pi, np.pi])
+    motion = skill_motion(HOME, ("no_op", "go_to_pose"), ([], values))
+    goal = hand_goal(get_skill("go_to_pose"), values, POSE, 1, HOME[1])
+    assert goal[2] == pytest.approx(POSE[2] + z) if z > 0.0 else goal[2] > 0.0
+    assert refused(replace(motion, goals=(None, goal))) is None
+    wrong = replace(motion, goals=(None, goal + np.array([0.0, 0.0, 0.05])))
+    assert refused(wrong).reason == "the right hand would end 5.0 cm below where it was meant to"
 
 
 def test_workspace_of_all_links():

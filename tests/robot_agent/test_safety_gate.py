@@ -234,13 +234,37 @@ def test_arms_that_touch_may_part_but_not_press_on():
     assert stuck.gate.check(straight(bench.positions(), HOME)) is not None
     return_home(stuck.gate, HOME, OPEN, period=PERIOD, speed_ratio=0.5, recovering=True)
     np.testing.assert_allclose(stuck.positions(), HOME, atol=1e-6)
-    ordinary = TestBench(bench.positions(), tight)  # no fault, only a little too near
-    return_home(ordinary.gate, HOME, OPEN, period=PERIOD, speed_ratio=0.5)
-    np.testing.assert_allclose(ordinary.positions(), HOME, atol=1e-6)
     again = TestBench(bench.positions(), tight)
     closer = skill_motion(HOME, ("top_grasp", "top_grasp"), ([0, 0, 2.4], [0, 0, 2.4])).joints[:, -1]
     with pytest.raises(RecoveryError, match="cuff"):
         return_home(again.gate, closer, OPEN, period=PERIOD, speed_ratio=0.5, recovering=True)
+
+
+def home_from_too_near(limits: SafetyLimits, monitors=(), wrench=()) -> TestBench:
+    """Without any fault, arms go home from where they grasp, which these limits call too near."""
+    posed = TestBench()
+    posed.gate.execute(grasp_of_the_bar())
+    bench = TestBench(posed.positions(), limits, monitors)
+    bench.arms[0].changes.update(wrench)
+    assert bench.gate.check(straight(bench.positions(), HOME)) is not None
+    return_home(bench.gate, HOME, OPEN, period=PERIOD, speed_ratio=0.5)
+    return bench
+
+
+def test_without_a_fault_arms_part_under_all_monitors_and_limits():
+    tight = SafetyLimits(arm_clearance=0.15)
+    bench = home_from_too_near(tight)
+    np.testing.assert_allclose(bench.positions(), HOME, atol=1e-6)
+    with pytest.raises(FaultError, match="no frame"):
+        home_from_too_near(tight, [Watched(0.0)])
+    with pytest.raises(FaultError, match="90 N"):
+        home_from_too_near(tight, wrench={"wrench": np.array([0, 0, 90.0, 0, 0, 0])})
+
+
+def test_without_a_fault_arms_never_come_nearer_a_person_is_asked_first():
+    with pytest.raises(FaultError, match="find no safe way home") as error:
+        home_from_too_near(SafetyLimits(arm_clearance=0.17))
+    assert "17.0 cm is the least" in error.value.fault.reason
 
 
 def test_an_arm_that_is_pressed_against_something_may_leave_it():

@@ -12,7 +12,7 @@ from taskschema_robot.agent.episode import EpisodeRecord
 from taskschema_robot.agent.progress import Progress
 from taskschema_robot.agent.reset_picture import draw_reset
 from taskschema_robot.agent.terminal_operator import TerminalOperator
-from taskschema_robot.agent.world import EpisodeDroppedError
+from taskschema_robot.agent.world import SessionEndedError
 from taskschema_robot.objects.catalogue import get_object
 from taskschema_robot.reward.judge import Judgement, Outcome
 from taskschema_robot.safety.fault import Fault, FaultKind
@@ -33,7 +33,7 @@ class Terminal:
     def take(self):
         return self.keys.popleft() if self.keys else None
 
-    def ask(self, question):
+    def ask(self, question, ended=None):
         self.questions.append(question)
         return self.lines.popleft()
 
@@ -97,8 +97,17 @@ def test_pause_waits_for_a_person(tmp_path, log):
 
 def test_quit(tmp_path):
     terminal = Terminal(tmp_path, keys=["q"])
-    with pytest.raises(EpisodeDroppedError):
+    with pytest.raises(SessionEndedError):
         terminal.operator.begin(Progress(tmp_path / "episodes.csv"), "next")
+    assert terminal.quits
+
+
+def test_quit_at_the_reset_prompt(tmp_path):
+    terminal = Terminal(tmp_path, lines=["q"])
+    with pytest.raises(SessionEndedError):
+        terminal.operator.ask_reset(
+            get_object("heavy-bar"), np.array([0.0, 0.0, 0.02, 1.0, 0.0, 0.0, 0.0]), ""
+        )
     assert terminal.quits
 
 

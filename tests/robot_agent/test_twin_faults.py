@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from twin_setup import LockStep
 
+from taskschema_robot import sawyer_interface as interface
 from taskschema_robot.errors import NotConnectedError, NotReadyError, StaleStateError, TwinError
 from taskschema_robot.twin.camera import LockStepCamera
 from taskschema_robot.twin.faults import FaultKind
@@ -58,6 +59,67 @@ def test_a_lost_acknowledgement_shows(rig):
     arm.set_gripper(0.05)
     rig.sleep(0.5)
     assert arm.gripper_acknowledged
+
+
+def test_a_stop_ends_a_gripper_command_that_is_repeated(rig):
+    arm = rig.arms[0]
+    came = []
+    rig.running.twin.robots[0].bridge.graph.topics[interface.GRIPPER_COMMAND].nodes.append(came.append)
+    rig.client.inject(FaultKind.LOSE_ACKNOWLEDGEMENT, 0)
+    rig.sleep(0.02)
+    arm.set_gripper(0.03)
+    rig.sleep(0.5)
+    assert len(came) > 2, "it is not repeated"
+    arm.stop()
+    rig.sleep(0.02)
+    before = len(came)
+    rig.sleep(0.5)
+    with pytest.raises(NotReadyError, match="told to stop"):
+        arm.set_gripper(0.05)
+    arm.reset()
+    arm.enable()
+    rig.sleep(0.5)
+    assert len(came) == before
+
+
+@pytest.mark.parametrize(
+    ("topic", "change"),
+    [
+        (interface.GRIPPER_STATE, {"signals": []}),
+        (interface.GRIPPER_STATE, {"signals": [{"name": "is_moving", "data": "[]"}]}),
+        (interface.GRIPPER_STATE, {"signals": [{"name": "position_response_m", "data": "[NaN]"}]}),
+        (interface.GRIPPER_STATE, {"commands": None}),
+        (interface.ROBOT_STATE, {"stopped": None}),
+        (interface.COLLISION_STATE, {"collision_state": None}),
+        (interface.JOINT_STATES, {"name": {}}),
+    ],
+)
+def test_a_malformed_message_counts_as_silence(rig, topic, change):
+    """Never as an error in the thread that asks for the state, nor as the end of what is heard."""
+    arm, take = rig.arms[0], rig.arms[0]._reports.take
+    spoilt: list[str] = []
+
+    def spoil(came: str, message: dict) -> None:
+        if came != topic:
+            return take(came, message)
+        spoilt.append(came)
+        if "signals" in change:
+            kept = {signal["name"] for signal in change["signals"]}
+            rest = [signal for signal in message["signals"] if kept and signal["name"] not in kept]
+            return take(came, message | {"signals": rest + change["signals"]})
+        return take(came, message | change)
+
+    arm._reports.take = spoil
+    rig.sleep(0.1)
+    before = arm.state()
+    rig.sleep(3.0)
+    assert spoilt
+    state = arm.state()
+    times = {source.name: source.time for source in state.sources} | {interface.JOINT_STATES: state.time}
+    assert rig.clock.now() - times.pop(topic) > 2.5
+    assert all(rig.clock.now() - time < 2.0 for time in times.values())
+    assert state.gripper == before.gripper
+    assert not state.stopped
 
 
 def test_a_stuck_gripper_stays_where_it_is(rig):

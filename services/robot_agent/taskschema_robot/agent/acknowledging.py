@@ -10,6 +10,7 @@ class AcknowledgedArms(Protocol):
         """Clear the latched fault in a person's name.
 
         Raises:
+            FaultError: if both were stopped meanwhile.
             RobotError: if an arm is away or cannot be enabled; the fault then stays.
         """
         ...

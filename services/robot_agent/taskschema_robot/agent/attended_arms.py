@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from taskschema.safety.motion import Motion
 from taskschema.safety.refusal import Refusal
-from taskschema_robot.agent.world import EpisodeDroppedError
+from taskschema_robot.agent.world import NobodyThereError
 from taskschema_robot.drivers.driver import ArmState
 from taskschema_robot.safety.fault import Fault
 from taskschema_robot.safety.gated_arms import GatedArms
@@ -49,23 +49,23 @@ class AttendedArms:
         """Return the newest states; see `GatedArms`."""
         return self._arms.states()
 
-    def check(self, motion: Motion, *, recovering: bool = False) -> Refusal | None:
+    def check(self, motion: Motion, *, parting: bool = False, recovering: bool = False) -> Refusal | None:
         """Return why a motion would be refused; see `GatedArms`."""
-        return self._arms.check(motion, recovering=recovering)
+        return self._arms.check(motion, parting=parting, recovering=recovering)
 
-    def execute(self, motion: Motion, *, recovering: bool = False) -> Refusal | None:
+    def execute(self, motion: Motion, *, parting: bool = False, recovering: bool = False) -> Refusal | None:
         """Make a motion once the key is held, or refuse it at once; see `GatedArms`.
 
         Raises:
-            EpisodeDroppedError: if nobody holds the key in time.
+            NobodyThereError: if nobody holds the key in time.
 
         """
-        refusal = self._arms.check(motion, recovering=recovering)
+        refusal = self._arms.check(motion, parting=parting, recovering=recovering)
         if refusal is not None:  # the gate would look for the key first
             log.info("Refused (%s): %s", refusal.kind, refusal.reason)
             return refusal
         self._wait()
-        return self._arms.execute(motion, recovering=recovering)
+        return self._arms.execute(motion, parting=parting, recovering=recovering)
 
     def stop(self, reason: str) -> None:
         """Stop both arms; see `GatedArms`."""
@@ -80,7 +80,7 @@ class AttendedArms:
         while not self._held() and self._arms.fault is None:
             if time.monotonic() > deadline:
                 log.info("Nobody held the hold-to-run key for %.0f s", self._patience)
-                raise EpisodeDroppedError(
+                raise NobodyThereError(
                     f"Nobody held the hold-to-run key within {self._patience:.0f} s: the arms have not moved."
                 )
             time.sleep(LOOK_SECONDS)

@@ -26,6 +26,9 @@ from taskschema_robot.safety.homing import return_home
 
 log = logging.getLogger("taskschema.robot")
 
+MOST_DESCENTS = 4
+"""Motions in which hands that are up by different heights are lowered: two, and two for what is left over."""
+
 Preview = Callable[[Motion, Refusal | None, str], None]
 """Shown every plan before it is made; raises EpisodeDroppedError if a person does not want it."""
 Refused = Callable[[Motion, Refusal, str], None]
@@ -119,10 +122,7 @@ class EpisodeRunner:
             judgement = self._world.judge(start)
             if judgement.outcome is Outcome.SUCCESS:
                 break
-        self._put_down(recovering=False)
-        self.go_home()
-        if judgement.outcome is Outcome.UNKNOWN:
-            judgement = self._world.last_look(start)
+        judgement = self._end(start, judgement)
         if judgement.outcome is Outcome.UNKNOWN:
             raise EpisodeDroppedError(f"The outcome is unknown: {judgement.reason}.")
         record.seconds = self.so_far().seconds
@@ -139,6 +139,28 @@ class EpisodeRunner:
             refused=len(record.refusals),
         )
         return trajectory, record
+
+    def _end(self, start: FloatArray, judgement: Judgement) -> Judgement:
+        """Put down what is held, go home, and return the outcome, which still may be unknown."""
+        lifted = self._planner.is_up(self._arms.states())
+        if lifted and judgement.outcome is Outcome.UNKNOWN:  # once it is put down, nobody can see it
+            judgement = self._world.ask(judgement)
+        self._put_down(recovering=False)
+        self.go_home()
+        if not lifted and judgement.outcome is Outcome.UNKNOWN:
+            judgement = self._world.last_look(start)
+        return judgement
+
+    def abandon(self) -> None:
+        """Put down what an episode that a person dropped half-way still holds, if no other one follows.
+
+        Raises:
+            FaultError: if a fault stops the arms; EpisodeDroppedError, if nobody lets them move.
+
+        """
+        if self._planner.is_up(self._arms.states()):
+            self._put_down(recovering=False)
+            self.go_home()
 
     def so_far(self) -> EpisodeRecord:
         """Return what the newest episode has been until now, its recovery included."""
@@ -160,9 +182,19 @@ class EpisodeRunner:
     def _put_down(self, *, recovering: bool) -> None:
         """Lower what is held before the hands open; what must not be lowered is a person's to take."""
         ratio = self._limits.recovery_speed_ratio if recovering else self._limits.speed_ratio
-        motion = self._planner.put_down(self._arms.states(), ratio)
-        if motion is None:
-            return
+        for _ in range(MOST_DESCENTS):
+            motion = self._planner.put_down(self._arms.states(), ratio, recovering=recovering)
+            if motion is None:
+                return
+            refusal = self._lower(motion, recovering)
+            if refusal is not None:
+                self._let_go(refusal.reason)
+                return
+        if self._planner.is_up(self._arms.states()):
+            self._let_go(f"the hands are not down after {MOST_DESCENTS} motions")
+
+    def _lower(self, motion: Motion, recovering: bool) -> Refusal | None:
+        """Make a motion that lowers the hands, and know afterwards whether a fault broke it off."""
         self._lowering = True
         try:
             refusal = self._arms.execute(motion, recovering=recovering)
@@ -170,8 +202,9 @@ class EpisodeRunner:
             self._lowering = False
             raise
         self._lowering = False
-        if refusal is not None:
-            self._let_go(refusal.reason)
+        if refusal is None:
+            self._planner.lowered(motion)
+        return refusal
 
     def _let_go(self, reason: str) -> None:
         """Have a person take what the hands hold up; they open after that."""
@@ -202,7 +235,11 @@ class EpisodeRunner:
         if self._preview is not None:
             self._preview(motion, self._arms.check(motion), ", ".join(names))
         record.skills.append(names)
-        refusal = self._arms.execute(motion)
+        try:
+            refusal = self._arms.execute(motion)
+        except EpisodeDroppedError:
+            record.skills.pop()  # it was not begun
+            raise
         if refusal is not None:
             record.refusals.append(refusal.reason)
             if self._refused is not None:

@@ -12,6 +12,7 @@ import tty
 from collections.abc import Callable, Iterator
 from typing import TextIO
 
+from taskschema_robot.agent.world import SessionEndedError
 from taskschema_robot.safety.hold_to_run import LONGEST_GAP
 
 STOP_KEYS = (" ", "s", "S")
@@ -72,10 +73,14 @@ class Keyboard:
             return self._keys.get_nowait()
         return None
 
-    def ask(self, question: str) -> str:
+    def ask(self, question: str, ended: Callable[[], bool] | None = None) -> str:
         """Ask for a line, typed and edited as usual; nothing moves meanwhile.
 
         A key that is still held down from a motion is no part of the answer: it is waited for.
+
+        Raises:
+            SessionEndedError: as soon as `ended` says so: nobody is waited for any more.
+
         """
         deadline = time.monotonic() + RELEASE_PATIENCE
         if time.monotonic() < self._last_key + RELEASE_SECONDS:
@@ -83,7 +88,13 @@ class Keyboard:
         while time.monotonic() < min(self._last_key + RELEASE_SECONDS, deadline):
             time.sleep(LOOK_SECONDS)
         with self._line_mode():
-            return input(question)
+            if ended is None:
+                return input(question)
+            print(question, end="", flush=True)
+            while not self._ready(LOOK_SECONDS):
+                if ended():
+                    raise SessionEndedError("The session is to end.")
+            return input()
 
     @contextlib.contextmanager
     def _line_mode(self) -> Iterator[None]:

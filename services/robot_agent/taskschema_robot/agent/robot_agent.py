@@ -3,6 +3,7 @@
 import dataclasses
 import logging
 import threading
+import time
 from pathlib import Path
 
 from taskschema.bus.lease import Lease
@@ -19,9 +20,9 @@ from taskschema_robot.agent.episode import EpisodeRecord, EpisodeRunner
 from taskschema_robot.agent.episode_log import EpisodeLog
 from taskschema_robot.agent.operator import Operator
 from taskschema_robot.agent.progress import Progress
-from taskschema_robot.agent.world import EpisodeDroppedError
-from taskschema_robot.errors import RobotError
-from taskschema_robot.safety.fault import FaultError, RecoveryError
+from taskschema_robot.agent.world import EpisodeDroppedError, NobodyThereError, SessionEndedError
+from taskschema_robot.errors import EffectTimeoutError, NotConnectedError, NotReadyError, RobotError
+from taskschema_robot.safety.fault import Fault, FaultError, RecoveryError
 
 log = logging.getLogger("taskschema.robot")
 
@@ -32,7 +33,7 @@ RETRY_SECONDS = 1.0
 MOST_RECOVERIES = 5
 """Faults on the way home after which only a person's hands help."""
 MOST_ATTEMPTS = 20
-"""An episode that is dropped so often stops the agent: something is wrong with more than the episode."""
+"""An episode that one session drops so often ends it: something is wrong with more than the episode."""
 
 
 class RobotAgent:
@@ -67,6 +68,7 @@ class RobotAgent:
         if self._config.episodes_per_slot != 1:
             raise ConfigError("A robot runs one episode a slot: start the run with `--agent robot`.")
         self._log = EpisodeLog(folder / "episodes", TrajectoryFormat.of(task, self._config))
+        self._leases: list[Lease] = []
         self.progress = Progress(folder / "episodes.csv")
 
     def run(self, stop: threading.Event) -> None:
@@ -78,41 +80,54 @@ class RobotAgent:
                 if status.state == "finished":
                     log.info("The run is finished: %s", status.message)
                     return
-                for lease in self._bus.lease(BLOCK_MS):
-                    if stop.is_set():
-                        return
-                    self._serve(lease)
+                if not self._leases:
+                    self._leases = self._bus.lease(BLOCK_MS)
+                while self._leases and not stop.is_set() and self._serve(self._leases[0], stop):
+                    del self._leases[0]
             except BusError as error:
                 log.warning("%s Trying again; what was done is kept.", error)
                 stop.wait(RETRY_SECONDS)
 
-    def _serve(self, lease: Lease) -> None:
-        """Deliver a slot: as it was kept, or by running its episode."""
+    def _serve(self, lease: Lease, stop: threading.Event) -> bool:
+        """Deliver a slot: as it was kept, or by running its episode; return whether it was."""
         trajectories = self._log.find(lease.item)
         if trajectories is None:
             policy = policy_of(self._config, self._task, self._bus.policy(lease))
-            trajectories = [self._perform(lease.item, policy)]
+            trajectory = self._perform(lease.item, policy, stop)
+            if trajectory is None:
+                return False
+            trajectories = [trajectory]
             self._log.keep(lease.item, trajectories)
         self._bus.submit([(lease, trajectories)])
+        return True
 
-    def _perform(self, item: WorkItem, policy: ActingPolicy) -> Trajectory:
-        """Run a slot's episode until one attempt counts; a dropped one is never a failure."""
-        attempt = self._log.attempts(item)
-        while attempt < MOST_ATTEMPTS:
+    def _perform(self, item: WorkItem, policy: ActingPolicy, stop: threading.Event) -> Trajectory | None:
+        """Run a slot's episode until one attempt counts; a dropped one is never a failure.
+
+        None: the session ends before.
+        """
+        tries = 0
+        while not stop.is_set():
+            attempt = self._log.attempts(item)
             key = EpisodeKey(self._config.seed, item.round, item.slot, episode=0, attempt=attempt)
-            self._operator.begin(self.progress, f"round {item.round}, slot {item.slot}")
             try:
+                self._operator.begin(self.progress, f"round {item.round}, slot {item.slot}")
                 trajectory, record = self._runner.run(key, policy)
                 trajectory = self._reviewed(trajectory, record)
             except FaultError as error:
-                attempt = self._drop(item, key, error)
+                tries += 1
+                attempts = self._drop(item, key, error)
                 try:
                     self._recover(error)
                 finally:
-                    self._count_dropped(item, attempt, error)
+                    self._count_dropped(item, attempts, error)
+            except SessionEndedError:
+                stop.set()
+            except NobodyThereError as error:
+                self._nobody_there(item, key, error)
             except EpisodeDroppedError as error:
-                attempt = self._drop(item, key, error)
-                self._count_dropped(item, attempt, error)
+                tries += 1
+                self._count_dropped(item, self._drop(item, key, error), error)
             else:
                 self.progress.add(item.round, item.slot, attempt, trajectory.success, record)
                 outcome = "success" if trajectory.success else "failure"
@@ -120,10 +135,31 @@ class RobotAgent:
                     "%s: %s after %d steps, %.0f s", _words(key), outcome, len(trajectory), record.seconds
                 )
                 return trajectory
-        raise EpisodeDroppedError(
-            f"The episode of round {item.round}, slot {item.slot} was dropped {attempt} times: see the log, "
-            "mend what it says, and start the agent again."
-        )
+            if tries == MOST_ATTEMPTS:
+                self._abandon()
+                raise EpisodeDroppedError(
+                    f"The episode of round {item.round}, slot {item.slot} was dropped {tries} times: see the "
+                    "log, mend what it says, and start the agent again."
+                )
+        self._abandon()
+        return None
+
+    def _nobody_there(self, item: WorkItem, key: EpisodeKey, error: NobodyThereError) -> None:
+        """Drop an episode that waited for a person: a try only if a skill was begun."""
+        if self._runner.so_far().skills:
+            self._count_dropped(item, self._drop(item, key, error), error)
+            return
+        log.warning("%s: not begun: %s", _words(key), error)
+        self._operator.dropped(str(error))
+
+    def _abandon(self) -> None:
+        """Leave nothing in the air when the session ends."""
+        try:
+            self._runner.abandon()
+        except FaultError as error:
+            self._recover(error)
+        except EpisodeDroppedError as error:
+            log.warning("What the hands hold is still in the air: %s", error)
 
     def _drop(self, item: WorkItem, key: EpisodeKey, error: RobotError) -> int:
         """Note that a try does not count; return how many of this slot have not."""
@@ -139,8 +175,8 @@ class RobotAgent:
         """Wait for a person's acknowledgement, then bring the arms home slowly; again if that fails, too."""
         fault = stopped.fault
         for _ in range(MOST_RECOVERIES):
+            self._acknowledge(fault)
             try:
-                self._arms.acknowledge(self._operator.acknowledge(fault))
                 self._runner.recover()
                 return
             except FaultError as another:
@@ -151,6 +187,20 @@ class RobotAgent:
             f"The arms did not get home in {MOST_RECOVERIES} tries, the last time for this: {fault.reason}. "
             "Free them by hand, then start the agent again: nothing is lost."
         )
+
+    def _acknowledge(self, fault: Fault) -> None:
+        """Ask a person until their acknowledgement counts: one that comes too early is no try."""
+        asked = fault
+        while True:
+            try:
+                self._arms.acknowledge(self._operator.acknowledge(asked))
+                return
+            except FaultError as another:  # a stop that came meanwhile
+                asked = fault = another.fault
+            except (EffectTimeoutError, NotConnectedError, NotReadyError) as error:
+                log.warning("Not acknowledged: %s", error)
+                asked = dataclasses.replace(fault, reason=f"{fault.reason}\n\nNot yet: {error}")
+                time.sleep(RETRY_SECONDS)
 
     def _reviewed(self, trajectory: Trajectory, record: EpisodeRecord) -> Trajectory:
         """Return the trajectory with the outcome that a person lets stand."""

@@ -31,8 +31,10 @@ class HandState:
     """[2] gripper set-points [m]."""
     joints: FloatArray = field(default_factory=lambda: np.zeros((2, 7)))
     """[2, 7] set-points at the end of the last step [rad]."""
-    closed_at: list[float] = field(default_factory=lambda: [0.0, 0.0])
-    """Height at which each hand last closed [m]."""
+    took_at: list[float | None] = field(default_factory=lambda: [None, None])
+    """Measured height at which each hand last closed, or pressed on something [m]; None: where it is now."""
+    held: list[HeldObject | None] = field(default_factory=lambda: [None, None])
+    """What each hand held when the last step was planned, in its own frame."""
     pressing: list[bool] = field(default_factory=lambda: [False, False])
     """Whether an arm may have ended its last skill pressing on something."""
 
@@ -63,12 +65,13 @@ class StepPlanner:
         self, pair: int, arguments: FloatArray, states: tuple[ArmState, ArmState], pose: FloatArray
     ) -> Motion:
         """Return the motion of a pair with SI arguments [A], the object being at `pose` [7 + h]."""
+        self._rises(states)  # hands that have just taken something are where they took it
         paths, goals = [], []
         for arm, skill in enumerate(self._skills(pair)):
             values = arguments[self._task.pairs.columns(arm, self._index(pair, arm))]
             paths.append(skill.plan(self._context(arm, states[arm], pose), values[None]))
-            goals.append(hand_goal(skill, values, pose))
-        held = [self._held(arm, states[arm], pose) for arm in (0, 1)]
+            goals.append(hand_goal(skill, values, pose, arm, paths[arm].joints[0, 0]))
+        held = self.hands.held = [self._held(arm, states[arm], pose) for arm in (0, 1)]
         return Motion.of_paths(
             paths[0],
             paths[1],
@@ -80,39 +83,86 @@ class StepPlanner:
 
     def done(self, pair: int, motion: Motion) -> None:
         """Note what a motion that was made leaves behind."""
-        for arm, kinematics in enumerate(sawyer_pair()):
-            if motion.opening[arm, -1] < self.hands.opening[arm]:
-                position, _ = kinematics.forward(motion.joints[arm, -1:])
-                self.hands.closed_at[arm] = float(position[0, 2])
-        self.hands.opening = motion.opening[:, -1].copy()
-        self.hands.joints = motion.joints[:, -1].copy()
-        for arm, skill in enumerate(self._skills(pair)):
+        skills = self._skills(pair)
+        for arm, skill in enumerate(skills):
+            if self._takes(arm, skill, motion.opening[arm]):
+                self.hands.took_at[arm] = None
+        self._arrived(motion)
+        for arm, skill in enumerate(skills):
             if skill.ends_pressing is not None:
                 self.hands.pressing[arm] = skill.ends_pressing
 
     def holds(self, states: tuple[ArmState, ArmState]) -> bool:
-        """Return whether a hand that was closed has something between its fingers."""
-        return any(self._closed_on_something(arm, states[arm]) for arm in (0, 1))
+        """Return whether a hand has something between its fingers, or may press on something."""
+        return any(self.hands.pressing[arm] or self._closed_on_something(arm, states[arm]) for arm in (0, 1))
 
-    def put_down(self, states: tuple[ArmState, ArmState], speed_ratio: float) -> Motion | None:
-        """Return the motion that lowers what closed hands lifted to where they took it; None: nothing is up.
+    def is_up(self, states: tuple[ArmState, ArmState]) -> bool:
+        """Return whether a hand is higher than where it took what it may hold."""
+        return max(self._rises(states)) >= LEAST_DESCENT
 
-        Both hands go down by the same distance at the same speed: what they hold stays level. They stay
-        closed.
+    def put_down(
+        self, states: tuple[ArmState, ArmState], speed_ratio: float, *, recovering: bool
+    ) -> Motion | None:
+        """Return the next motion that lowers hands to where they took what they hold; None: nothing is up.
+
+        Hands that are up go down by the same distance at the same speed, as far as the lower one of them has
+        to: what both hold stays level. They stay closed, and keep pressing; after a fault they start where
+        they are and not where they were sent.
         """
-        closed = [arm for arm in (0, 1) if is_closed(self.hands.opening[arm])]
-        heights = [
-            float(kinematics.forward(state.positions[None])[0][0, 2])
-            for kinematics, state in zip(sawyer_pair(), states, strict=True)
-        ]
-        down = min((heights[arm] - self.hands.closed_at[arm] for arm in closed), default=0.0)
-        if down < LEAST_DESCENT:
+        rises = self._rises(states)
+        down = min((rise for rise in rises if rise >= LEAST_DESCENT), default=0.0)
+        if down == 0.0:
             return None
-        paths = [self._straight_down(arm, states[arm], down if arm in closed else 0.0) for arm in (0, 1)]
-        return Motion.of_paths(paths[0], paths[1], self._period, speed_ratio=speed_ratio)
+        paths = [
+            self._straight_down(
+                arm, self._start(arm, states[arm], recovering), down if rises[arm] >= down else 0.0
+            )
+            for arm in (0, 1)
+        ]
+        held = [
+            thing if self._closed_on_something(arm, states[arm]) else None
+            for arm, thing in enumerate(self.hands.held)
+        ]
+        return Motion.of_paths(
+            paths[0], paths[1], self._period, speed_ratio=speed_ratio, held=(held[0], held[1])
+        )
 
-    def _straight_down(self, arm: int, state: ArmState, distance: float) -> ArmPath:
-        kinematics, start = sawyer_pair()[arm], state.positions[None].copy()
+    def lowered(self, motion: Motion) -> None:
+        """Note that a motion of `put_down` was made."""
+        self._arrived(motion)
+
+    def _arrived(self, motion: Motion) -> None:
+        self.hands.opening = motion.opening[:, -1].copy()
+        self.hands.joints = motion.joints[:, -1].copy()
+
+    def _takes(self, arm: int, skill: Skill, opening: FloatArray) -> bool:
+        """Return whether a skill whose openings were [S] has its hand begin to hold something at its end.
+
+        A hand that holds something already carries it to where it presses.
+        """
+        if is_closed(opening[-1]):
+            carries = is_closed(opening.max()) and is_closed(self.hands.opening[arm])
+            return not carries or (bool(skill.ends_pressing) and self.hands.held[arm] is None)
+        return bool(skill.ends_pressing)
+
+    def _rises(self, states: tuple[ArmState, ArmState]) -> list[float]:
+        """Return how far each hand is above where it took what it may hold [m]; 0 if it holds nothing."""
+        rises = []
+        for arm, kinematics in enumerate(sawyer_pair()):
+            height = float(kinematics.forward(states[arm].positions[None])[0][0, 2])
+            holds = self.hands.pressing[arm] or is_closed(self.hands.opening[arm])
+            took_at = self.hands.took_at[arm]
+            if took_at is None or not holds:
+                took_at = self.hands.took_at[arm] = height
+            rises.append(height - took_at)
+        return rises
+
+    def _start(self, arm: int, state: ArmState, recovering: bool) -> FloatArray:
+        """Return the joint angles [7] that an arm starts from."""
+        return self.hands.joints[arm] if self.hands.pressing[arm] and not recovering else state.positions
+
+    def _straight_down(self, arm: int, joints: FloatArray, distance: float) -> ArmPath:
+        kinematics, start = sawyer_pair()[arm], joints[None].copy()
         opening = self.hands.opening[arm : arm + 1]
         if distance == 0.0:
             return ArmPath.stay(start, opening)
@@ -130,7 +180,7 @@ class StepPlanner:
         return [self._task.pairs.skills[self._index(pair, arm)] for arm in (0, 1)]
 
     def _context(self, arm: int, state: ArmState, pose: FloatArray) -> PlanningContext:
-        joints = self.hands.joints[arm] if self.hands.pressing[arm] else state.positions
+        joints = self._start(arm, state, recovering=False)
         height = self._size[2:]
         return PlanningContext(
             arm=sawyers(np.array([arm])),

@@ -4,7 +4,7 @@ import logging
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, Protocol
 
 from rich.console import Console
 from rich.panel import Panel
@@ -14,7 +14,7 @@ from taskschema.arrays import FloatArray
 from taskschema_robot.agent.episode import EpisodeRecord
 from taskschema_robot.agent.progress import Progress
 from taskschema_robot.agent.reset_picture import draw_reset
-from taskschema_robot.agent.world import EpisodeDroppedError
+from taskschema_robot.agent.world import SessionEndedError
 from taskschema_robot.objects.robot_object import RobotObject
 from taskschema_robot.reward.judge import Judgement
 from taskschema_robot.safety.fault import Fault
@@ -27,6 +27,14 @@ UNDO_SECONDS = 3.0
 POLL_SECONDS = 0.05
 
 
+class ReadLine(Protocol):
+    """Asks a question and waits for a line."""
+
+    def __call__(self, question: str, ended: Callable[[], bool] | None = None) -> str:
+        """Return the line; with `ended`, raise SessionEndedError as soon as that says so."""
+        ...
+
+
 class TerminalOperator:
     """See `Operator` and `ResetPerson`.
 
@@ -37,6 +45,8 @@ class TerminalOperator:
         folder: of pictures.
         quit_requested: told when a person wants to end.
         undo_seconds: how long an outcome waits for a veto.
+        ended: whether the session is to end, by a signal for example: nothing is waited for then that only a
+            next episode needs.
 
     """
 
@@ -44,10 +54,11 @@ class TerminalOperator:
         self,
         console: Console,
         take_key: Callable[[], str | None],
-        read_line: Callable[[str], str],
+        read_line: ReadLine,
         folder: Path,
         quit_requested: Callable[[], None],
         undo_seconds: float = UNDO_SECONDS,
+        ended: Callable[[], bool] = lambda: False,
     ) -> None:
         self._console = console
         self._take_key = take_key
@@ -55,6 +66,7 @@ class TerminalOperator:
         self._folder = folder
         self._quit_requested = quit_requested
         self._undo_seconds = undo_seconds
+        self._ended = ended
 
     def begin(self, progress: Progress, key: str) -> None:
         """Show progress and what happens next; wait while paused."""
@@ -70,7 +82,7 @@ class TerminalOperator:
             if pressed == "q":
                 self._quit()
             if pressed == "p":
-                self._pause()
+                self._pause(self._ended)
 
     def review(self, record: EpisodeRecord) -> bool | None:
         """Show the outcome; a person may undo it for a few seconds."""
@@ -95,15 +107,15 @@ class TerminalOperator:
             time.sleep(POLL_SECONDS)
         return success
 
-    def _pause(self) -> None:
+    def _pause(self, ended: Callable[[], bool] | None = None) -> None:
         log.info("A person paused")
-        self._read_line("Paused; nothing moves. Press Enter to go on. ")
+        self._read_line("Paused; nothing moves. Press Enter to go on. ", ended)
         log.info("A person goes on")
 
     def _quit(self) -> NoReturn:
         log.info("A person ends the session")
         self._quit_requested()
-        raise EpisodeDroppedError("A person ended the session.")
+        raise SessionEndedError("A person ended the session.")
 
     def _ask(self, question: str, success: bool) -> bool | None:
         answer = self._read_line(question).strip().lower()[:1]
@@ -145,7 +157,8 @@ class TerminalOperator:
         where = f"Centre at x {100 * wanted[0]:+.0f} cm, y {100 * wanted[1]:+.0f} cm of the table's centre."
         self._console.print(Panel(f"{steps}\n{where}\nPicture: {picture}", title=f"Reset: {item.name}"))
         log.info("Reset asked for%s", f": {problem}" if problem else "")
-        if self._read_line("Press Enter when it is there and you are clear of the arms. ").strip() == "q":
+        question = "Press Enter when it is there and you are clear of the arms. "
+        if self._read_line(question, self._ended).strip() == "q":
             self._quit()
 
     def ask_outcome(self, judgement: Judgement) -> bool | None:

@@ -63,6 +63,10 @@ class TrueWorld:
         outcome = Outcome.SUCCESS if reached else Outcome.FAILURE
         return Judgement(outcome, "by the twin's own word", pose)
 
+    def ask(self, judgement: Judgement) -> Judgement:
+        """Know no more than before; see `World`."""
+        return judgement
+
     def last_look(self, start: FloatArray) -> Judgement:
         """Judge as before; see `World`."""
         return self.judge(start)

@@ -12,6 +12,14 @@ class EpisodeDroppedError(RobotError):
     """An episode that does not count: a fault, an unknown outcome, or a person's word."""
 
 
+class NobodyThereError(EpisodeDroppedError):
+    """A motion that was not begun, for nobody held the key: nothing is wrong but that."""
+
+
+class SessionEndedError(EpisodeDroppedError):
+    """A person who wants to end, before anything was done that could count."""
+
+
 class World(Protocol):
     """The object on the table."""
 
@@ -31,6 +39,13 @@ class World(Protocol):
         """Judge the outcome so far, from `start` [7 + h]; unknown while hands hide the object, say."""
         ...
 
+    def ask(self, judgement: Judgement) -> Judgement:
+        """Return what a person says an unknown outcome is; the judgement itself if nobody knows."""
+        ...
+
     def last_look(self, start: FloatArray) -> Judgement:
-        """Judge the outcome of an episode that is over, with the hands withdrawn; may ask a person."""
+        """Judge the outcome of an episode that is over, with the hands withdrawn; may ask a person.
+
+        Only where the hands held nothing in the air: what they put down is not where the outcome left it.
+        """
         ...

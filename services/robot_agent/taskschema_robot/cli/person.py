@@ -75,7 +75,7 @@ def person_at_terminal(folder: Path, stop: threading.Event, *, hold_to_run: bool
 
     console = Console(highlight=False)
     keyboard = Keyboard(stop_now, held.take if hold_to_run else lambda key: False)
-    operator = TerminalOperator(console, keyboard.take, keyboard.ask, folder, stop.set)
+    operator = TerminalOperator(console, keyboard.take, keyboard.ask, folder, stop.set, ended=stop.is_set)
     person = Person(
         operator,
         operator,

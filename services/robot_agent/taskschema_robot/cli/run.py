@@ -52,6 +52,13 @@ def run(
     preview: Annotated[
         bool, typer.Option("--preview", help="Show every plan and ask before it is made: commissioning.")
     ] = False,
+    state_from_markers: Annotated[
+        bool,
+        typer.Option(
+            "--state-from-markers",
+            help="Real robots: serve a run on states all the same; its policy then sees what markers say.",
+        ),
+    ] = False,
     unattended: Annotated[
         bool, typer.Option("--unattended", help="Ask nobody: a twin's object puts itself back.")
     ] = False,
@@ -98,5 +105,6 @@ def run(
         hold_to_run=hold_to_run,
         preview=preview,
         unattended=unattended,
+        state_from_markers=state_from_markers,
     )
     serve(serving, stop)

@@ -14,6 +14,7 @@ import numpy as np
 from taskschema.bus.connection import connect
 from taskschema.bus.records import RunRecords
 from taskschema.bus.worker_bus import WorkerBus
+from taskschema.config import RunConfig
 from taskschema.errors import ConfigError
 from taskschema.logs import FORMAT_VARIABLE, TextLines, bind, handler, log_format
 from taskschema.safety.limits import SafetyLimits
@@ -32,10 +33,12 @@ from taskschema_robot.cli.person import Person, person_at_terminal, unattended_p
 from taskschema_robot.objects.catalogue import get_object
 from taskschema_robot.objects.robot_object import RobotObject
 from taskschema_robot.reward.camera_world import CameraWorld
+from taskschema_robot.reward.following import FollowingMonitor, FollowingThread
 from taskschema_robot.reward.tracker import ObjectTracker
 from taskschema_robot.safety.gate import SafetyGate
 from taskschema_robot.safety.monitors import CameraMonitor, LinkMonitor
 from taskschema_robot.safety.watchdog import Monitor
+from taskschema_robot.twin.lock_step import LockStepClock
 
 OWN_TWIN = "own"
 """In place of a twin's address: one in this process."""
@@ -62,6 +65,7 @@ class Serving:
     hold_to_run: bool
     preview: bool
     unattended: bool
+    state_from_markers: bool = False
 
 
 def serve(options: Serving, stop: threading.Event) -> None:
@@ -82,6 +86,7 @@ def serve(options: Serving, stop: threading.Event) -> None:
         task = task_of(config)
         if not isinstance(task, SceneTask) or task.family != item.family:
             raise ConfigError(f"Run {run!r} is about {task.family}, {item.name} is for {item.family}.")
+        _refuse_states(config, options)
         hardware = _hardware(stack, options, item, limits.period)
         link = LinkMonitor(RunRecords(connect(url, patience=LINK_PATIENCE)), run, limits.link_age)
         monitors: list[Monitor] = [stack.enter_context(link)]
@@ -97,6 +102,8 @@ def serve(options: Serving, stop: threading.Event) -> None:
             eyes = open_eyes(stack, hardware, options.camera, options.lens)
             monitors.append(CameraMonitor(eyes.camera, limits.camera_age))
         world = _world(options, hardware, task, item, person, eyes)
+        if isinstance(world, CameraWorld) and item.joint_markers:
+            monitors += _following(stack, world, hardware)
         gate = SafetyGate(hardware.drivers, hardware.clock, limits, monitors)
         person.on_stop(gate.stop)
         stack.enter_context(person.listening())
@@ -123,6 +130,15 @@ def serve(options: Serving, stop: threading.Event) -> None:
         RobotAgent(bus, records, run, task, runner, gate, person.operator, folder).run(stop)
 
 
+def _refuse_states(config: RunConfig, options: Serving) -> None:
+    """Raise ConfigError if a policy would see the markers of a real table without anybody having said so."""
+    if config.observation == "state" and options.twin is None and not options.state_from_markers:
+        raise ConfigError(
+            f"Run {options.run!r} is on states, which real robots take from markers: train one with "
+            "`--observation image`, whose policy sees pictures only, or say --state-from-markers."
+        )
+
+
 def _hardware(stack: ExitStack, options: Serving, item: RobotObject, period: float) -> Hardware:
     if options.twin is not None:
         own = options.twin == OWN_TWIN
@@ -131,6 +147,14 @@ def _hardware(stack: ExitStack, options: Serving, item: RobotObject, period: flo
     if options.robots is None:
         raise ConfigError("Name both robots: --left URL and --right URL.")
     return robot_hardware(stack, options.robots)
+
+
+def _following(stack: ExitStack, world: CameraWorld, hardware: Hardware) -> list[Monitor]:
+    """Have a hinge followed during motions: by a thread, or a monitor where time stands still meanwhile."""
+    if isinstance(hardware.clock, LockStepClock):
+        return [FollowingMonitor(world.follow)]
+    stack.enter_context(FollowingThread(world.follow))
+    return []
 
 
 def _world(

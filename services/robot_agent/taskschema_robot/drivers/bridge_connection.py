@@ -23,11 +23,17 @@ logger = logging.getLogger(__name__)
 Json = dict[str, Any]
 OnPublish = Callable[[str, Json], None]
 """Takes a topic and a message; runs in the input-output thread and must not wait."""
+Wanted = Callable[[], bool]
+"""Whether an operation is still to be sent; asked just before, in the input-output thread."""
 
 SEND_SECONDS = 0.25
 """After which a frame that the network does not take ends the connection: it would arrive too late."""
+MOTION_SECONDS = 0.03
+"""The same for what moves something: nobody waits for it, and no later set-point may wait behind it."""
 SEND_BUFFER = 16384
 """[bytes] that the system may hold back: some fifty set-points, so that few can be late."""
+OWN_BUFFER = 2048
+"""[bytes] that may wait here beside them: what is more has not been taken by the network."""
 LARGEST_FRAME = 10_000_000
 """[bytes]"""
 
@@ -62,7 +68,7 @@ class BridgeConnection:
         self._numbers = itertools.count()
         self._reader: asyncio.Task[None] | None = None
         self._sending: set[asyncio.Task[None]] = set()
-        self._unsent: deque[str] = deque()
+        self._unsent: deque[tuple[str, Wanted]] = deque()
         """In lock-step: frames that go before time passes."""
         self._awaited: tuple[int, asyncio.Future[None]] | None = None
         self.frames_sent = 0
@@ -95,6 +101,7 @@ class BridgeConnection:
             ping_timeout=None if self._ping_seconds is None else 2.0 * self._ping_seconds,
             max_size=LARGEST_FRAME,
             max_queue=None,
+            write_limit=OWN_BUFFER,
         )
         raw = self._socket.transport.get_extra_info("socket")
         raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
@@ -115,10 +122,10 @@ class BridgeConnection:
         Raises:
             NotConnectedError: if the connection is down, or the network does not take it at once.
         """
-        if self._lock_step and self.is_open:
-            self._unsent.append(msgspec.json.encode(operation).decode())
-            return
         text = msgspec.json.encode(operation).decode()
+        if self._lock_step and self.is_open:
+            self._unsent.append((text, _always))
+            return
         try:
             self._input_output.run(self._send(text), SEND_SECONDS)
         except ConnectionClosed as error:
@@ -133,14 +140,30 @@ class BridgeConnection:
             ) from None
 
     def send_soon(self, operation: Json) -> None:
-        """Send an operation from the input-output thread itself; if the connection is down, not at all."""
-        if self._socket is None or not self.is_open:
+        """Send an operation without waiting, from any thread; if the connection is down, not at all."""
+        self._send_from_anywhere(operation, _always, None)
+
+    def send_motion(self, operation: Json, wanted: Wanted) -> None:
+        """Send what moves something without waiting, from any thread, if it is wanted when its turn comes.
+
+        One that the network does not take in time ends the connection, so that none arrives late.
+        """
+        self._send_from_anywhere(operation, wanted, MOTION_SECONDS)
+
+    def _send_from_anywhere(self, operation: Json, wanted: Wanted, seconds: float | None) -> None:
+        if not self.is_open:
             return
         text = msgspec.json.encode(operation).decode()
         if self._lock_step:
-            self._unsent.append(text)
+            self._unsent.append((text, wanted))
+        else:
+            self._input_output.loop.call_soon_threadsafe(self._begin, text, wanted, seconds)
+
+    def _begin(self, text: str, wanted: Wanted, seconds: float | None) -> None:
+        """Begin to send, in the input-output thread; what is begun first arrives first."""
+        if not wanted():
             return
-        task = asyncio.get_running_loop().create_task(self._send_quietly(text))
+        task = asyncio.get_running_loop().create_task(self._send_within(text, seconds))
         self._sending.add(task)
         task.add_done_callback(self._sending.discard)
 
@@ -150,16 +173,22 @@ class BridgeConnection:
         self.frames_sent += 1
         await self._socket.send(text)
 
-    async def _send_quietly(self, text: str) -> None:
+    async def _send_within(self, text: str, seconds: float | None) -> None:
         try:
-            await self._send(text)
+            async with asyncio.timeout(seconds):
+                await self._send(text)
         except ConnectionClosed:
             logger.info("not sent: the connection to %s is down", self.url)
+        except TimeoutError:
+            logger.warning("the network to %s does not take commands: the connection was ended", self.url)
+            self.abort()
 
     async def flush(self) -> None:
         """Send what has waited for the twin's time to pass; from within the loop, in lock-step."""
         while self._unsent:
-            await self._send_quietly(self._unsent.popleft())
+            text, wanted = self._unsent.popleft()
+            if wanted():
+                await self._send_within(text, None)
 
     def call(self, service: str, arguments: Json, timeout: float = 5.0) -> Json:
         """Call a service and return its answer's values.
@@ -232,7 +261,7 @@ class BridgeConnection:
                 answer = self._calls[message["id"]]
                 if not answer.done():
                     answer.set_result(message)
-        except (msgspec.MsgspecError, LookupError, TypeError, ValueError) as error:
+        except (msgspec.MsgspecError, AttributeError, LookupError, TypeError, ValueError) as error:
             # One odd frame must not end the stream: what it would have told is then old, and that is watched.
             logger.warning("%s sent a frame that cannot be read: %s", self.url, error)
 
@@ -256,3 +285,7 @@ class BridgeConnection:
         await connection.close()
         if self._reader is not None:
             await asyncio.gather(self._reader, return_exceptions=True)
+
+
+def _always() -> bool:
+    return True

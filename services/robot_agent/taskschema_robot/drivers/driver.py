@@ -101,7 +101,7 @@ class ArmDriver(Protocol):
         Raises:
             NotConnectedError: if the connection is down.
             StaleStateError: if the last state is older than 0.1 s.
-            NotReadyError: if the arm is not enabled or stopped.
+            NotReadyError: if the arm is not enabled, or was told to stop.
             SetpointError: if the angles are not finite, outside the joint limits, or farther from the last
                 set-point or from the measured angles than the arm's stopping distance.
         """
@@ -112,12 +112,12 @@ class ArmDriver(Protocol):
     def set_gripper(self, opening: float) -> None:
         """Send the gripper to `opening` [m] between the pads, or to its nearest end. Does not wait.
 
-        The command is repeated in the background until the gripper acknowledges it; one that replaces it
-        ends that. See `gripper_acknowledged`.
+        The command is repeated in the background until the gripper acknowledges it; one that replaces it, or
+        a stop, ends that. See `gripper_acknowledged`.
 
         Raises:
             NotConnectedError: if the connection is down.
-            NotReadyError: if the gripper is not calibrated or reports an error.
+            NotReadyError: if the gripper is not calibrated or reports an error, or the arm was told to stop.
         """
 
     @property
@@ -128,13 +128,15 @@ class ArmDriver(Protocol):
         """Calibrate: the fingers move through their whole range. Waits until it has happened.
 
         Raises:
+            NotReadyError: if the arm was told to stop meanwhile.
             EffectTimeoutError: if the gripper does not report it in time.
         """
 
     def stop(self) -> None:
         """Stop at once: not safety rated. Sends, keeps sending until the state shows it, does not wait.
 
-        Never raises: a connection that is down cannot carry a stop, and the caller sees `connected`.
+        No set-point is sent after it, and it waits for none that is being sent. Never raises: a connection
+        that is down cannot carry a stop, and the caller sees `connected`.
         """
 
     def reset(self) -> None:

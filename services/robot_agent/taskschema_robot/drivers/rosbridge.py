@@ -136,10 +136,9 @@ class RosbridgeArm:
     def command(self, positions: FloatArray) -> None:
         """Send one set-point; see `ArmDriver`."""
         connection, state = self._require_connection(), self.state()
-        if self._stopping is not None:
-            raise NotReadyError(f"{self.name}: it was told to stop: reset it, then enable it.")
+        self._require_no_stop()
         self._guard.require(state, positions)
-        connection.send(_publish(interface.JOINT_COMMAND, joint_command(positions)))
+        connection.send_motion(_publish(interface.JOINT_COMMAND, joint_command(positions)), self._may_move)
 
     def set_speed_ratio(self, ratio: float) -> None:
         """Limit the arm's own speed; see `ArmDriver`."""
@@ -162,7 +161,9 @@ class RosbridgeArm:
     def calibrate_gripper(self) -> None:
         """Calibrate the gripper; see `ArmDriver`."""
         self._gripping = self._send_signal("calibrate", True)
-        if not self._wait_for(lambda: self.state().gripper.calibrated, CALIBRATION_SECONDS):
+        self._wait_for(lambda: self.state().gripper.calibrated or not self._may_move(), CALIBRATION_SECONDS)
+        self._require_no_stop()
+        if not self.state().gripper.calibrated:
             raise EffectTimeoutError(
                 f"{self.name}: the gripper is not calibrated after {CALIBRATION_SECONDS:.0f} s: check that"
                 " its fingers move freely."
@@ -170,24 +171,21 @@ class RosbridgeArm:
 
     def stop(self) -> None:
         """Stop at once; see `ArmDriver`."""
-        self._guard.forget()
         reports = self._reports
         self._stopping = RepeatedCommand(interface.STOP, {}, lambda: reports.stopped, self._clock.now())
-        if self._connection is None:
-            return
-        try:
-            self._connection.send(_publish(interface.STOP, {}))
-        except NotConnectedError:
-            return
+        self._guard.forget()
+        if self._connection is not None:
+            self._connection.send_soon(_publish(interface.STOP, {}))
 
     def reset(self) -> None:
         """End a stop or an error; see `ArmDriver`."""
-        state = self.state()
+        state, stopping = self.state(), self._stopping
         if state.emergency_stop:
             raise NotReadyError(f"{self.name}: the emergency stop button is pressed: release it first.")
         if state.stopped or state.error:
             self._switch(interface.RESET, {}, lambda now: not (now.stopped or now.error), "reset")
-        self._stopping = None
+        if self._stopping is stopping:  # and none came meanwhile
+            self._stopping = None
 
     def enable(self) -> None:
         """Switch the motors on; see `ArmDriver`."""
@@ -204,6 +202,14 @@ class RosbridgeArm:
         if self._connection is not None:
             self._connection.close()
             self._connection = None
+
+    def _may_move(self) -> bool:
+        """Return whether no stop stands."""
+        return self._stopping is None
+
+    def _require_no_stop(self) -> None:
+        if not self._may_move():
+            raise NotReadyError(f"{self.name}: it was told to stop: reset it, then enable it.")
 
     def _require_connection(self) -> BridgeConnection:
         if self._connection is None or not self._connection.is_open:
@@ -234,6 +240,7 @@ class RosbridgeArm:
 
     def _send_signal(self, signal: str, value: float | bool) -> RepeatedCommand:
         """Send a command to the gripper; it is repeated, under the same time, until that is acknowledged."""
+        self._require_no_stop()
         connection, now = self._require_connection(), self._clock.now()
         self._last_signal_time = max(now, self._last_signal_time + 1e-6)
         message = signal_command(signal, value, self._last_signal_time)
@@ -241,7 +248,7 @@ class RosbridgeArm:
         command = RepeatedCommand(
             interface.GRIPPER_COMMAND, message, lambda: time in reports.acknowledged, now
         )
-        connection.send(_publish(interface.GRIPPER_COMMAND, message))
+        connection.send_motion(_publish(interface.GRIPPER_COMMAND, message), self._may_move)
         return command
 
     def _on_publish(self, topic: str, message: Json) -> None:
@@ -251,6 +258,8 @@ class RosbridgeArm:
 
     def _repeat(self) -> None:
         now, connection = self._clock.now(), self._connection
+        if self._stopping is not None and self._gripping is not None:
+            self._gripping.finished = True  # a stop ends it, for good
         for command in (self._stopping, self._gripping):
             if command is not None and connection is not None and command.due(now):
                 connection.send_soon(_publish(command.topic, command.message))

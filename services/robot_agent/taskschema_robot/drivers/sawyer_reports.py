@@ -1,5 +1,6 @@
 """What a Sawyer's topics have last said, and when: put together to the state of an arm."""
 
+import math
 from typing import Any
 
 from taskschema.arrays import FloatArray
@@ -23,6 +24,7 @@ TOPICS = (
     interface.GRIPPER_STATE,
 )
 """All of them are needed: a watchdog of what nobody says would never bark."""
+SWITCHES = ("enabled", "stopped", "error")
 
 
 class SawyerReports:
@@ -41,8 +43,9 @@ class SawyerReports:
         self._joints: tuple[float, JointReading] | None = None
         self._wrench: FloatArray | None = None
         self._collision = False
-        self._assembly: Json = {}
-        self._signals: Json = {}
+        self._switches: dict[str, bool] = {}
+        self._button = 0
+        self._gripper: GripperState | None = None
         self.acknowledged: list[Json] = []
         """Times of the gripper commands that the gripper knows of."""
 
@@ -50,7 +53,7 @@ class SawyerReports:
         """Take in a message.
 
         Raises:
-            ValueError: if it lacks a number; the topic then counts as silent.
+            LookupError, TypeError, ValueError: if it lacks something; the topic then counts as silent.
         """
         if topic == interface.JOINT_STATES:
             reading = read_joint_states(message)
@@ -59,12 +62,13 @@ class SawyerReports:
         elif topic == interface.ENDPOINT_STATE:
             self._wrench = read_wrench(message)
         elif topic == interface.COLLISION_STATE:
-            self._collision = bool(message["collision_state"])
+            self._collision = _flag(message, "collision_state")
         elif topic == interface.ROBOT_STATE:
-            self._assembly = message
+            button, switches = message["estop_button"], {name: _flag(message, name) for name in SWITCHES}
+            self._button, self._switches = button, switches
         elif topic == interface.GRIPPER_STATE:
-            self._signals = read_signals(message)
-            self.acknowledged = message["commands"]
+            gripper, known = _read_gripper(message, self._finger_mount), list(message["commands"])
+            self._gripper, self.acknowledged = gripper, known
         self._arrived[topic] = self._clock.now()
 
     @property
@@ -75,13 +79,13 @@ class SawyerReports:
     @property
     def stopped(self) -> bool:
         """Whether the robot says that it is stopped."""
-        return bool(self._assembly.get("stopped"))
+        return self._switches.get("stopped", False)
 
     def state(self) -> ArmState | None:
         """Return the newest state; None while a topic is missing."""
-        if self.missing or self._joints is None or self._wrench is None:
+        if self.missing or self._joints is None or self._wrench is None or self._gripper is None:
             return None
-        (time, reading), assembly, signals = self._joints, self._assembly, self._signals
+        (time, reading), switches = self._joints, self._switches
         return ArmState(
             time=time,
             stamp=reading.stamp,
@@ -90,19 +94,34 @@ class SawyerReports:
             efforts=reading.efforts,
             wrench=self._wrench,
             collision=self._collision,
-            enabled=bool(assembly["enabled"]),
-            stopped=bool(assembly["stopped"]),
-            error=bool(assembly["error"]),
-            emergency_stop=assembly["estop_button"] == interface.BUTTON_PRESSED,
-            gripper=GripperState(
-                opening=self._finger_mount + float(signals["position_response_m"]),
-                calibrated=bool(signals["is_calibrated"]),
-                moving=bool(signals["is_moving"]),
-                gripping=bool(signals["is_gripping"]),
-                error=bool(signals["has_error"]),
-            ),
+            enabled=switches["enabled"],
+            stopped=switches["stopped"],
+            error=switches["error"],
+            emergency_stop=self._button == interface.BUTTON_PRESSED,
+            gripper=self._gripper,
             sources=tuple(
                 Source(topic, self._arrived[topic], longest)
                 for topic, longest in interface.LONGEST_SILENCE.items()
             ),
         )
+
+
+def _read_gripper(message: Json, finger_mount: float) -> GripperState:
+    signals = read_signals(message)
+    travel = float(signals["position_response_m"])
+    if not math.isfinite(travel):
+        raise ValueError("the fingers' travel is not finite")
+    return GripperState(
+        opening=finger_mount + travel,
+        calibrated=_flag(signals, "is_calibrated"),
+        moving=_flag(signals, "is_moving"),
+        gripping=_flag(signals, "is_gripping"),
+        error=_flag(signals, "has_error"),
+    )
+
+
+def _flag(values: Json, name: str) -> bool:
+    value = values[name]
+    if value is None:
+        raise ValueError(f"{name} is null")
+    return bool(value)

@@ -63,6 +63,7 @@ ALUMINIUM_TRAY = RobotObject(
         Part("box", (0.08, 0.008, 0.0225), (0.0, 0.085, 0.01), density=1000, friction=1.05, colour=STEEL),
         Part("box", (0.08, 0.008, 0.0225), (0.0, -0.085, 0.01), density=1000, friction=1.05, colour=STEEL),
     ),
+    faces=True,
 )
 ROLLING_PIN = RobotObject(
     name="rolling-pin",
@@ -70,12 +71,16 @@ ROLLING_PIN = RobotObject(
     size=(0.44, 0.05, 0.05),
     mass=0.6,
     markers=(_on_top(2, 0.03, -0.17, 0.0, 0.026), _on_top(3, 0.03, 0.17, 0.0, 0.026)),
-    reset=("Lay the rolling pin between the robots, diagonally, its flats with the markers up.",),
+    reset=(
+        "Lay the rolling pin between the robots, diagonally, its flats with the markers up.",
+        "Turn it so that marker 2 lies towards the left robot's left.",
+    ),
     parts=(
         Part("capsule", (0.025, 0.1), euler=(0.0, np.pi / 2, 0.0), density=700, friction=1.0, colour=WOOD),
         Part("capsule", (0.014, 0.2), euler=(0.0, np.pi / 2, 0.0), density=1200, friction=1.0, colour=WOOD),
     ),
     yaw=DIAGONAL,
+    faces=True,
 )
 HEAVY_BAR = RobotObject(
     name="heavy-bar",
@@ -90,6 +95,7 @@ HEAVY_BAR = RobotObject(
     parts=(Part("box", (0.45, 0.008, 0.0225), density=7400, friction=1.05, colour=STEEL),),
     yaw=DIAGONAL,
     location_range=(0.08, 0.08),
+    faces=True,
 )
 PLASTIC_BOX = RobotObject(
     name="plastic-box",
@@ -103,6 +109,7 @@ PLASTIC_BOX = RobotObject(
         Part("box", (0.17, 0.008, 0.06), (0.0, 0.102, 0.0), density=550, friction=1.05, colour=PLASTIC),
         Part("box", (0.17, 0.008, 0.06), (0.0, -0.102, 0.0), density=550, friction=1.05, colour=PLASTIC),
     ),
+    faces=True,
 )
 SOCCER_BALL = RobotObject(
     name="soccer-ball",
@@ -164,11 +171,15 @@ T_WRENCH = RobotObject(
     mass=0.25,
     markers=(Marker(19, 0.04, (0.085, 0.0, -0.085)), Marker(20, 0.04, (-0.085, 0.0, -0.085))),
     joint_markers=(_along(21, 0.02, -0.09, 0.101), _along(22, 0.02, 0.09, 0.101)),
-    reset=("Turn the handle back until marker 21 points at the left robot.",),
+    reset=(
+        "Stand it so that marker 20 lies on the left robot's left.",
+        "Turn the handle back until marker 21 points at the left robot.",
+    ),
     parts=_t_base(0.2, STEEL),
     joint_parts=_t_handle(0.2, 0.24, STEEL),
     joint_friction=0.05,
     location_range=(0.06, 0.03),
+    faces=True,
 )
 CORKSCREW = RobotObject(
     name="corkscrew",
@@ -177,11 +188,15 @@ CORKSCREW = RobotObject(
     mass=0.25,
     markers=(Marker(23, 0.04, (0.085, 0.0, -0.085)), Marker(24, 0.04, (-0.085, 0.0, -0.085))),
     joint_markers=(_along(25, 0.02, -0.08, 0.101), _along(26, 0.02, 0.08, 0.101)),
-    reset=("Turn the handle back until marker 25 points at the left robot.",),
+    reset=(
+        "Stand it so that marker 24 lies on the left robot's left.",
+        "Turn the handle back until marker 25 points at the left robot.",
+    ),
     parts=_t_base(0.2, WOOD),
     joint_parts=_t_handle(0.2, 0.22, WOOD),
     joint_friction=0.05,
     location_range=(0.06, 0.03),
+    faces=True,
 )
 
 OBJECTS: dict[str, RobotObject] = {

@@ -53,6 +53,8 @@ class RobotObject:
     """Torque that the hinge resists with [Nm]."""
     yaw: float = 0.0
     """Usual angle of its x axis to the world's at the start [rad]."""
+    faces: bool = False
+    """Whether `reset` says how it is to be turned, which is `yaw`: it is then looked at."""
     location_range: tuple[float, float] = (0.06, 0.06)
     """A person puts it anywhere within +- these distances of the table's centre along x and y [m]."""
 

@@ -46,9 +46,9 @@ class Judgement:
 def median_pose(sightings: Sequence[Sighting]) -> tuple[FloatArray | None, str]:
     """Return the median pose [7 + h] of settled frames, or None and why not."""
     known = [sighting.pose for sighting in sightings if sighting.pose is not None]
-    if len(known) < min(LEAST_FRAMES, len(sightings)) or not known:
+    if len(known) < LEAST_FRAMES:
         reasons = [sighting.reason for sighting in sightings if sighting.pose is None]
-        return None, reasons[-1] if reasons else "there is no picture"
+        return None, reasons[-1] if reasons else f"{len(known)} new pictures came, {LEAST_FRAMES} are needed"
     poses = np.stack(known)
     signs = np.sign((poses[:, 3:7] * poses[0, 3:7]).sum(axis=1, keepdims=True))
     poses[:, 3:7] *= np.where(signs == 0.0, 1.0, signs)
@@ -72,11 +72,26 @@ def judge(task: SceneTask, start: FloatArray, sightings: Sequence[Sighting]) -> 
     pose, reason = median_pose(sightings)
     if pose is None:
         return Judgement(Outcome.UNKNOWN, reason, None, evidence)
-    reached = bool(task.goal_reached(start[None], pose[None, None])[0, 0])
+    reached = _reached(task, start, pose)
+    if (
+        any(sighting.doubtful for sighting in sightings)
+        and _reached(task, start, _turn_behind(pose)) != reached
+    ):
+        reason = "nobody saw which way its turning part was turned"
+        return Judgement(Outcome.UNKNOWN, reason, pose, evidence)
     distance = float(task.goal_distance(start[None], pose[None, None])[0, 0])
     outcome = Outcome.SUCCESS if reached else Outcome.FAILURE
     words = "the goal is reached" if reached else f"{distance:.2f} tolerances or shares short of the goal"
     return Judgement(outcome, words, pose, evidence)
+
+
+def _reached(task: SceneTask, start: FloatArray, pose: FloatArray) -> bool:
+    return bool(task.goal_reached(start[None], pose[None, None])[0, 0])
+
+
+def _turn_behind(pose: FloatArray) -> FloatArray:
+    """Return a pose [7 + h] with its hinge a full turn behind."""
+    return np.concatenate([pose[:7], pose[7:] - 2.0 * np.pi])
 
 
 def keep_evidence(judgement: Judgement, path: Path) -> None:

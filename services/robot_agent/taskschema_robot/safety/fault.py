@@ -24,6 +24,8 @@ class FaultKind(StrEnum):
     """A driver did not take a command."""
     LATE = "late"
     """The agent itself could not keep the rate of its set-points."""
+    AGENT = "agent"
+    """The agent itself failed during a motion: an error that it has no words for, or it was ended."""
     ARRIVAL = "arrival"
     GRIPPER = "gripper"
     CAMERA = "camera"

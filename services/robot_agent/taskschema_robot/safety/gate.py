@@ -1,8 +1,6 @@
 """The gate: holds the drivers of both arms, and lets checked motions through and nothing else."""
 
-import dataclasses
 import logging
-import threading
 from collections import deque
 from collections.abc import Callable, Sequence
 from typing import NoReturn
@@ -15,19 +13,24 @@ from taskschema.safety.limits import SafetyLimits
 from taskschema.safety.motion import Motion
 from taskschema.safety.plan_checks import check_plan
 from taskschema.safety.refusal import Refusal
-from taskschema.safety.sweep import Sweep
+from taskschema.safety.sweep import PARTING, RECOVERY, Sweep
 from taskschema.skills.pairs import ARMS
 from taskschema_robot.clock import Clock
 from taskschema_robot.drivers.driver import ArmDriver, ArmState
 from taskschema_robot.errors import RobotError
 from taskschema_robot.safety.fault import Fault, FaultError, FaultKind
-from taskschema_robot.safety.readiness import await_stop, make_ready
-from taskschema_robot.safety.watchdog import Monitor, obeyed, watch_monitors, watch_states, watch_tracking
+from taskschema_robot.safety.fault_latch import FaultLatch
+from taskschema_robot.safety.readiness import await_stop, make_ready, watch_connections
+from taskschema_robot.safety.watchdog import (
+    Monitor,
+    obeyed,
+    relaxed,
+    watch_monitors,
+    watch_states,
+    watch_tracking,
+)
 
 log = logging.getLogger("taskschema.robot.safety")
-
-RECOVERY_WRENCH = 1.2
-"""How many times the wrench at its start a recovery may meet: arms that are pressed against something."""
 
 Listener = Callable[[Fault], None]
 
@@ -58,8 +61,7 @@ class SafetyGate:
         self._monitors = self._guards = tuple(monitors)
         self._on_fault = on_fault
         self._sweep = Sweep(limits)
-        self._lock = threading.Lock()
-        self._fault: Fault | None = None
+        self._latched = FaultLatch()
         self._openings: list[float | None] = [None, None]
         self._orders: list[float | None] = [None, None]
         self._opened_before = [0.0, 0.0]
@@ -74,30 +76,37 @@ class SafetyGate:
     @property
     def fault(self) -> Fault | None:
         """What stopped the arms, until it is acknowledged; see `GatedArms`."""
-        return self._fault
+        return self._latched.fault
 
     def states(self) -> tuple[ArmState, ArmState]:
         """Return the newest states, left arm first; see `GatedArms`."""
         return self._drivers[0].state(), self._drivers[1].state()
 
-    def check(self, motion: Motion, *, recovering: bool = False) -> Refusal | None:
+    def check(self, motion: Motion, *, parting: bool = False, recovering: bool = False) -> Refusal | None:
         """Return why a motion would be refused; see `GatedArms`."""
         measured = np.stack([state.positions for state in self.states()])
+        leeway = RECOVERY if recovering else PARTING if parting else None
         return check_plan(motion, measured, self._limits, self._held_at) or self._sweep.check(
-            motion, measured, recovering=recovering
+            motion, measured, leeway=leeway
         )
 
-    def execute(self, motion: Motion, *, recovering: bool = False) -> Refusal | None:
+    def execute(self, motion: Motion, *, parting: bool = False, recovering: bool = False) -> Refusal | None:
         """Make a motion, or refuse it; see `GatedArms`."""
-        self._watched = self._relaxed() if recovering else self._limits
+        self._watched = relaxed(self._limits, self.states()) if recovering else self._limits
         self._guards = tuple(item for item in self._monitors if item.guards_recovery or not recovering)
         self._demand_health()
-        refusal = self.check(motion, recovering=recovering)
+        refusal = self.check(motion, parting=parting, recovering=recovering)
         if refusal is not None:
             log.info("Refused (%s): %s", refusal.kind, refusal.reason)
             return refusal
-        self._stream(motion)
-        self._settle(motion)
+        try:
+            self._stream(motion)
+            self._settle(motion)
+        except FaultError:
+            raise
+        except BaseException as error:
+            self._latch(Fault(FaultKind.AGENT, f"the agent itself failed: {error!r}", self._clock.now()))
+            raise
         return None
 
     def stop(self, reason: str) -> None:
@@ -119,67 +128,66 @@ class SafetyGate:
         """Connect what is not connected, enable the arms and calibrate grippers: the fingers move.
 
         Raises:
-            RobotError: if an arm is away or cannot be enabled.
+            RobotError: if an arm is away or cannot be enabled, or both were stopped.
 
         """
-        for driver in self._drivers:
-            make_ready(driver)
-            if not driver.state().gripper.calibrated:
-                driver.calibrate_gripper()
+        try:
+            for driver in self._drivers:
+                self._latched.demand_none()
+                make_ready(driver)
+                self._latched.demand_none()
+                if not driver.state().gripper.calibrated:
+                    driver.calibrate_gripper()
+            self._latched.demand_none()
+        except RobotError:
+            if self._latched.fault is not None:  # what was made ready may have ended the stop
+                self._stop_arms()
+            raise
 
     def acknowledge(self, person: str) -> None:
         """Clear the latched fault in a person's name: reset what is stopped and enable the arms.
 
+        A stop that comes meanwhile is not lost: both arms are stopped again, and that stop is latched.
+
         Raises:
+            FaultError: if both were stopped meanwhile.
             RobotError: if an arm is away or cannot be enabled; the fault then stays.
 
         """
-        fault = self._fault
+        count, fault = self._latched.count, self._latched.fault
         if fault is None:
             return
-        await_stop(self._drivers, self._clock)
-        for driver in self._drivers:
-            make_ready(driver)
-        # A gripper that holds something is told nothing: it keeps it. Any other is told again.
+        try:
+            await_stop(self._drivers, self._clock)
+            for driver in self._drivers:
+                self._latched.demand_none_since(count)
+                make_ready(driver)
+            self._keep_grips()
+            self._latched.release(count)
+        except RobotError as error:
+            self._stop_arms()
+            if isinstance(error, FaultError):
+                self._tell(error.fault)
+            raise
+        log.warning("%s acknowledged: %s", person, fault.reason)
+
+    def _keep_grips(self) -> None:
+        """Let a gripper keep what it holds, untold; any other is told again. Arms start where they are."""
         grips = [state.gripper.gripping and self._is_closing(arm) for arm, state in enumerate(self.states())]
         self._openings = [self._openings[arm] if grips[arm] else None for arm in (0, 1)]
         self._orders, self._held_at = [None, None], None
-        log.warning("%s acknowledged: %s", person, fault.reason)
-        with self._lock:
-            self._fault = None
-
-    def _relaxed(self) -> SafetyLimits:
-        """Return limits under which arms that press on something already may leave it."""
-        wrenches = np.stack([state.wrench for state in self.states()])
-        force, torque = (
-            np.sqrt((part * part).sum(axis=1)).max() for part in (wrenches[:, :3], wrenches[:, 3:])
-        )
-        if not np.isfinite(force + torque):
-            return self._limits
-        return dataclasses.replace(
-            self._limits,
-            force=max(self._limits.force, RECOVERY_WRENCH * float(force)),
-            torque=max(self._limits.torque, RECOVERY_WRENCH * float(torque)),
-        )
 
     # During a motion
 
     def _demand_health(self) -> None:
         """Raise FaultError unless everything is well now."""
-        if self._fault is None:
-            now = self._clock.now()
-            fault = self._disconnected(now) or watch_states(self.states(), now, self._watched)
-            fault = fault or watch_monitors(self._guards, now)
-            if fault is not None:
-                self._latch(fault)
-        if self._fault is not None:
-            raise FaultError(self._fault)
-
-    def _disconnected(self, now: float) -> Fault | None:
-        for driver in self._drivers:
-            if not driver.connected:
-                return Fault(FaultKind.CONNECTION, f"{driver.name} arm: its connection is down", now)
-        return None
+        self._latched.demand_none()
+        now = self._clock.now()
+        fault = watch_connections(self._drivers, now) or watch_states(self.states(), now, self._watched)
+        fault = fault or watch_monitors(self._guards, now)
+        if fault is not None:
+            self._latch(fault)
+        self._latched.demand_none()
 
     def _stream(self, motion: Motion) -> None:
         """Send the set-points at their period; what is checked is what is sent.
@@ -238,11 +246,10 @@ class SafetyGate:
 
     def _watch(self, recent: deque[FloatArray]) -> tuple[ArmState, ArmState]:
         """Return the states if everything is well; latch the fault and raise otherwise."""
-        if self._fault is not None:
-            raise FaultError(self._fault)
+        self._latched.demand_none()
         now, states = self._clock.now(), self.states()
         fault = (
-            self._disconnected(now)
+            watch_connections(self._drivers, now)
             or watch_states(states, now, self._watched)
             or watch_tracking(states, np.array(recent).swapaxes(0, 1), now, self._limits)
             or watch_monitors(self._guards, now)
@@ -253,18 +260,14 @@ class SafetyGate:
         return states
 
     def _send(self, joints: FloatArray) -> None:
-        """Send one set-point to both arms, unless a stop came in between."""
-        with self._lock:
-            if self._fault is not None:
-                raise FaultError(self._fault)
+        """Send one set-point to both arms; a driver that was told to stop meanwhile refuses it."""
+        for driver, positions in zip(self._drivers, joints, strict=True):
+            self._latched.demand_none()
             try:
-                for driver, positions in zip(self._drivers, joints, strict=True):
-                    driver.command(positions)
-                self._held_at = joints
-                return
+                driver.command(positions)
             except RobotError as error:
-                reason = f"the {driver.name} arm did not take a set-point: {error}"
-        self._fail(FaultKind.COMMAND, reason)
+                self._fail(FaultKind.COMMAND, f"the {driver.name} arm did not take a set-point: {error}")
+        self._held_at = joints
 
     def _set_grippers(self, motion: Motion, index: int) -> None:
         """Send an opening where it changes."""
@@ -272,6 +275,7 @@ class SafetyGate:
             opening = float(motion.opening[arm, index])
             if opening == self._openings[arm]:
                 continue
+            self._latched.demand_none()
             try:
                 driver.set_gripper(opening)
             except RobotError as error:
@@ -280,19 +284,26 @@ class SafetyGate:
             self._opened_before[arm] = driver.state().gripper.opening
 
     def _fail(self, kind: FaultKind, reason: str) -> NoReturn:
-        self._latch(Fault(kind, reason, self._clock.now()))
-        assert self._fault is not None
-        raise FaultError(self._fault)
+        self._latch(fault := Fault(kind, reason, self._clock.now()))
+        raise FaultError(self._latched.fault or fault)
 
     def _latch(self, fault: Fault) -> None:
-        """Stop both arms, first of all; the first fault is the one that stays."""
-        with self._lock:
-            for driver in self._drivers:
-                driver.stop()
-            first = self._fault is None
-            if first:
-                self._fault = fault
+        """Stop both arms, first of all, without waiting for anything; the first fault is the one that stays.
+
+        It is noted before, so that nothing is sent after the stop, and after, so that an acknowledgement that
+        had no eyes for it yet, and may have ended the stop, finds it.
+        """
+        first = self._latched.take(fault)
+        self._stop_arms()
+        first = self._latched.take(fault) or first
         if first:
-            log.error("FAULT (%s): %s", fault.kind, fault.reason)
-            if self._on_fault is not None:
-                self._on_fault(fault)
+            self._tell(fault)
+
+    def _stop_arms(self) -> None:
+        for driver in self._drivers:
+            driver.stop()
+
+    def _tell(self, fault: Fault) -> None:
+        log.error("FAULT (%s): %s", fault.kind, fault.reason)
+        if self._on_fault is not None:
+            self._on_fault(fault)

@@ -24,17 +24,20 @@ class GatedArms(Protocol):
         """
         ...
 
-    def check(self, motion: Motion, *, recovering: bool = False) -> Refusal | None:
+    def check(self, motion: Motion, *, parting: bool = False, recovering: bool = False) -> Refusal | None:
         """Return why a motion from where the arms are would be refused; nothing moves."""
         ...
 
-    def execute(self, motion: Motion, *, recovering: bool = False) -> Refusal | None:
+    def execute(self, motion: Motion, *, parting: bool = False, recovering: bool = False) -> Refusal | None:
         """Make a motion of both arms, or refuse it; returns when the arms have arrived and rest.
 
         Args:
             motion: from where the arms are.
-            recovering: on the way home after a fault: shapes that are too near each other already may part,
-                and only the monitors that guard a recovery count.
+            parting: on the way home: shapes that are too near each other already may part, but not come
+                nearer. Monitors and limits are those of any motion.
+            recovering: on the way home after a fault that a person has acknowledged: such shapes may come a
+                little nearer, what presses on a hand already may go on, and only the monitors that guard a
+                recovery count.
 
         Raises:
             FaultError: if a fault is latched, or one stops the motion.

@@ -11,7 +11,7 @@ from taskschema.kinematics.sawyer import sawyer_pair
 from taskschema.motion import ArmPath
 from taskschema.motion.timing import fastest_path
 from taskschema.safety.motion import Motion
-from taskschema_robot.safety.fault import RecoveryError
+from taskschema_robot.safety.fault import FaultError, RecoveryError
 from taskschema_robot.safety.gated_arms import GatedArms
 
 log = logging.getLogger("taskschema.robot.safety")
@@ -39,7 +39,7 @@ def return_home(
 ) -> None:
     """Bring both arms to `home` [2, 7] along the first way that the gate lets through.
 
-    Arms that ended a motion a little nearer than they may be part as after a fault: slowly, never nearer.
+    Arms that ended a motion a little nearer than they may be part slowly, and never come nearer.
 
     Args:
         arms: behind the gate.
@@ -47,25 +47,31 @@ def return_home(
         opening: [2] gripper set-points on the way [m].
         period: of the set-points [s].
         speed_ratio: of the motion.
-        recovering: after a fault, when shapes may be too near each other already.
+        recovering: after a fault that a person has acknowledged; see `GatedArms.execute`.
 
     Raises:
-        RecoveryError: if the gate refuses every way; FaultError, if one stops the arms.
+        FaultError: if a fault stops the arms, or the gate refuses every way: with `recovering`, a person who
+            has seen them may let them try again.
+        RecoveryError: if it refuses every way even then.
 
     """
     measured = np.stack([state.positions for state in arms.states()])
     reasons = []
-    manners = [(recovering, speed_ratio)]
+    manners = [(False, speed_ratio)]
     if not recovering:
         manners.append((True, min(speed_ratio, PARTING_RATIO)))
     for parting, ratio in manners:
         for name, paths in ways_home(measured, home, opening):
             motion = Motion.of_paths(*paths, period, speed_ratio=ratio)
-            refusal = arms.execute(motion, recovering=parting)
+            refusal = arms.execute(motion, parting=parting, recovering=recovering)
             if refusal is None:
                 return
             log.info("Way home %r: %s", name, refusal.reason)
             reasons.append(f"{name}: {refusal.reason}")
+    if not recovering:
+        arms.stop(f"the arms find no safe way home: {reasons[-1]}")
+        if arms.fault is not None:
+            raise FaultError(arms.fault)
     raise RecoveryError(
         "The arms find no safe way home; move them by hand with the cuff until they are clear of each other "
         f"and the table, then try again. Tried: {'; '.join(reasons)}."

@@ -4,11 +4,20 @@ from collections.abc import Sequence
 
 from taskschema_robot.clock import Clock
 from taskschema_robot.drivers.driver import ArmDriver
+from taskschema_robot.safety.fault import Fault, FaultKind
 
 STOP_SECONDS = 1.0
 """How long a stop may take to show [s]."""
 LOOK_SECONDS = 0.01
 """Between two looks at the states [s]."""
+
+
+def watch_connections(drivers: Sequence[ArmDriver], now: float) -> Fault | None:
+    """Return a fault if a connection is down."""
+    for driver in drivers:
+        if not driver.connected:
+            return Fault(FaultKind.CONNECTION, f"{driver.name} arm: its connection is down", now)
+    return None
 
 
 def await_stop(drivers: Sequence[ArmDriver], clock: Clock) -> None:

@@ -1,5 +1,6 @@
 """The checks during a motion: pure functions of the arms' states, and monitors of everything else."""
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from typing import Protocol
@@ -13,6 +14,8 @@ from taskschema.skills.pairs import ARMS
 from taskschema_robot.drivers.driver import ArmState, GripperState
 from taskschema_robot.safety.fault import Fault, FaultKind
 
+RECOVERY_WRENCH = 1.2
+"""How many times the wrench at its start a recovery may meet: arms that are pressed against something."""
 OPEN_TRAVEL = 0.02
 """Of a gripper that was told to open [m]: half of what an electric gripper can do."""
 LEAST_TRAVEL = 0.001
@@ -29,6 +32,19 @@ class Monitor(Protocol):
     def fault(self, now: float) -> Fault | None:
         """Return what is wrong at `now` [s] on the agent's clock; does not wait."""
         ...
+
+
+def relaxed(limits: SafetyLimits, states: Sequence[ArmState]) -> SafetyLimits:
+    """Return limits under which arms that press on something already may leave it."""
+    wrenches = np.stack([state.wrench for state in states])
+    force, torque = (np.sqrt((part * part).sum(axis=1)).max() for part in (wrenches[:, :3], wrenches[:, 3:]))
+    if not np.isfinite(force + torque):
+        return limits
+    return dataclasses.replace(
+        limits,
+        force=max(limits.force, RECOVERY_WRENCH * float(force)),
+        torque=max(limits.torque, RECOVERY_WRENCH * float(torque)),
+    )
 
 
 def watch_states(states: Sequence[ArmState], now: float, limits: SafetyLimits) -> Fault | None:

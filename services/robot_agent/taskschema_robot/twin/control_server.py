@@ -99,7 +99,7 @@ class ControlServer:
             await self._wait_for(path, count)
         twin.advance_to(request.until)
         accepted = {}
-        for robot in twin.robots:
+        for robot in (each for each in twin.robots if not each.server.stalled):
             for path, link in robot.server.links.items():
                 if path in request.sent:
                     accepted[path] = link.outbox.accepted
@@ -108,11 +108,14 @@ class ControlServer:
         return messages.Advanced(twin.now(), accepted, exposure.time, exposure.number, exposure.digest)
 
     async def _wait_for(self, path: str, count: int) -> None:
-        """Wait until the bridge has dealt with `count` frames of a connection, unless that breaks."""
+        """Wait until the bridge has dealt with `count` frames of a connection, unless it breaks or stalls."""
         deadline = asyncio.get_running_loop().time() + ARRIVAL_SECONDS
         while True:
-            link = next((r.server.links[path] for r in self._twin.robots if path in r.server.links), None)
-            if link is None or link.handled >= count:
+            robot = next((each for each in self._twin.robots if path in each.server.links), None)
+            if robot is None or robot.server.stalled:
+                return
+            link = robot.server.links[path]
+            if link.handled >= count:
                 return
             link.progress.clear()
             try:

@@ -1,6 +1,11 @@
 """Stands in for PyRobot in a process without ROS: published signatures, a perfect arm behind them."""
 
+import os
+import time
+
 from simulated_sawyer import SAWYER, checked
+
+SLOW = float(os.environ.get("TASKSCHEMA_SLOW_SETPOINT", "0"))
 
 
 class Arm:
@@ -24,6 +29,7 @@ class Arm:
     def set_joint_positions(self, positions, plan=True, wait=True, **kwargs):
         assert not plan
         assert not wait
+        time.sleep(SLOW)
         if SAWYER.enabled:
             SAWYER.positions = list(positions)
 

@@ -1,6 +1,7 @@
 """A Sawyer driven by PyRobot, in a process of its own. Not run on hardware."""
 
 import contextlib
+import os
 import subprocess
 import threading
 from collections.abc import Callable
@@ -40,7 +41,11 @@ class PyrobotProcess:
 
 
 class PyrobotArm:
-    """One Sawyer with its electric gripper; see `ArmDriver`. Not run on hardware."""
+    """One Sawyer with its electric gripper; see `ArmDriver`. Not run on hardware.
+
+    A stop does not end a gripper command that is not acknowledged yet: the vendor's SDK repeats it for up to
+    five seconds, and offers no way to break that off.
+    """
 
     def __init__(self, name: str, process: PyrobotProcess, clock: Clock) -> None:
         self.name = name
@@ -50,7 +55,7 @@ class PyrobotArm:
         self._process: subprocess.Popen[bytes] | None = None
         self._lock = threading.Lock()
         self._newest: tuple[float, dict[str, Any]] | None = None
-        self._stopping = False
+        self._stops = self._stops_ended = 0
         self._gripper_number = 0
 
     @property
@@ -61,7 +66,8 @@ class PyrobotArm:
     def connect(self) -> None:
         """Start the process and wait for its first state; see `ArmDriver`."""
         self.close()
-        self._newest, self._stopping, self._gripper_number = None, False, 0
+        self._newest, self._gripper_number = None, 0
+        self._stops_ended = self._stops
         self._guard.forget()
         command = [self._options.interpreter, str(CHILD)]
         try:
@@ -70,6 +76,8 @@ class PyrobotArm:
             )
         except OSError as error:
             raise NotConnectedError(f"{self.name}: {command[0]} cannot be started: {error}.") from None
+        assert self._process.stdin is not None
+        os.set_blocking(self._process.stdin.fileno(), False)
         threading.Thread(target=self._read, args=(self._process,), daemon=True).start()
         self._wait_for(lambda: self._newest is not None or not self.connected, START_SECONDS)
         if self._newest is None:
@@ -128,10 +136,9 @@ class PyrobotArm:
 
     def command(self, positions: FloatArray) -> None:
         """Send one set-point; see `ArmDriver`."""
-        if self._stopping:
-            raise NotReadyError(f"{self.name}: it was told to stop: reset it, then enable it.")
+        self._require_no_stop()
         self._guard.require(self.state(), positions)
-        self._send({"op": "command", "positions": positions.tolist()})
+        self._send({"op": "command", "positions": positions.tolist()}, moves=True)
 
     def set_speed_ratio(self, ratio: float) -> None:
         """Limit the arm's own speed; see `ArmDriver`."""
@@ -145,7 +152,7 @@ class PyrobotArm:
             raise NotReadyError(f"{self.name}: the gripper {what}: calibrate it.")
         travel = min(max(opening - self._options.finger_mount, 0.0), GRIPPER_STROKE)
         self._gripper_number += 1
-        self._send({"op": "gripper", "travel": travel, "number": self._gripper_number})
+        self._send({"op": "gripper", "travel": travel, "number": self._gripper_number}, moves=True)
 
     @property
     def gripper_acknowledged(self) -> bool:
@@ -154,12 +161,15 @@ class PyrobotArm:
 
     def calibrate_gripper(self) -> None:
         """Calibrate the gripper; see `ArmDriver`."""
-        self._send({"op": "calibrate"})
-        self._require_effect(lambda now: now.gripper.calibrated, "calibrate", CALIBRATION_SECONDS)
+        self._send({"op": "calibrate"}, moves=True)
+        self._require_effect(
+            lambda now: now.gripper.calibrated or self._stopping, "calibrate", CALIBRATION_SECONDS
+        )
+        self._require_no_stop()
 
     def stop(self) -> None:
         """Stop at once; see `ArmDriver`."""
-        self._stopping = True
+        self._stops += 1
         self._guard.forget()
         try:
             self._send({"op": "stop"})
@@ -168,13 +178,13 @@ class PyrobotArm:
 
     def reset(self) -> None:
         """End a stop or an error; see `ArmDriver`."""
-        state = self.state()
+        state, stops = self.state(), self._stops
         if state.emergency_stop:
             raise NotReadyError(f"{self.name}: the emergency stop button is pressed: release it first.")
         if state.stopped or state.error:
             self._send({"op": "reset"})
             self._require_effect(lambda now: not (now.stopped or now.error), "reset", EFFECT_SECONDS)
-        self._stopping = False
+        self._stops_ended = stops  # one that came meanwhile stands
 
     def enable(self) -> None:
         """Switch the motors on; see `ArmDriver`. The SDK's own enable would end a stop: this one refuses."""
@@ -204,14 +214,34 @@ class PyrobotArm:
             self._process.wait()
         self._process = None
 
-    def _send(self, request: dict[str, Any]) -> None:
+    @property
+    def _stopping(self) -> bool:
+        return self._stops != self._stops_ended
+
+    def _require_no_stop(self) -> None:
+        if self._stopping:
+            raise NotReadyError(f"{self.name}: it was told to stop: reset it, then enable it.")
+
+    def _send(self, request: dict[str, Any], *, moves: bool = False) -> None:
+        """Hand a request over without waiting; one that moves something, not after a stop.
+
+        A line is shorter than what a pipe takes as a whole or not at all.
+        """
+        line = msgspec.json.encode(request) + b"\n"
         with self._lock:
+            if moves:
+                self._require_no_stop()
             if self._process is None or self._process.stdin is None:
                 raise NotConnectedError(f"{self.name}: no PyRobot process: connect first.")
             try:
-                self._process.stdin.write(msgspec.json.encode(request) + b"\n")
-                self._process.stdin.flush()
-            except OSError:
+                os.write(self._process.stdin.fileno(), line)
+            except BlockingIOError:
+                self._process.kill()
+                raise NotConnectedError(
+                    f"{self.name}: the PyRobot process does not take commands: it was ended, so that none"
+                    " arrives late; connect again."
+                ) from None
+            except (OSError, ValueError):  # it has died, or is being closed
                 reason = f"{self.name}: the PyRobot process has ended: connect again."
                 raise NotConnectedError(reason) from None
 

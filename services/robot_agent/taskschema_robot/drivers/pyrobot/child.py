@@ -39,6 +39,9 @@ class Arm:
         self._acknowledged = 0
         # PyRobot keeps the angles of a joint state but not its time, without which a frozen one looks fresh.
         rospy.Subscriber("/robot/joint_states", JointState, self._joint_states)
+        self._turn = threading.Condition()
+        self._setpoint = None  # type: object
+        threading.Thread(target=self._follow, daemon=True).start()
         self._heard = dict.fromkeys(SOURCES)
         for topic in SOURCES:
             rospy.Subscriber(topic, rospy.AnyMsg, self._hear, callback_args=topic)
@@ -79,20 +82,33 @@ class Arm:
         }
 
     def do(self, request: "dict[str, object]") -> None:
-        """Carry a request out; the slow ones in a thread of their own, so that none holds up a stop."""
+        """Carry a request out in another thread, so that none holds up a stop.
+
+        Of the set-points only the newest waits for its turn, and none that came before a stop.
+        """
         operation = request["op"]
-        if operation == "command":
-            self._robot.arm.set_joint_positions(request["positions"], plan=False, wait=False)
-        elif operation == "speed":
-            self._limb.set_joint_position_speed(request["ratio"])
-        else:
+        if operation in ("command", "stop"):
+            with self._turn:
+                self._setpoint = request.get("positions")
+                self._turn.notify()
+        if operation != "command":
             threading.Thread(target=self._slow, args=(operation, request), daemon=True).start()
+
+    def _follow(self) -> None:
+        """Make the newest set-point, again and again."""
+        while True:
+            with self._turn:
+                self._turn.wait_for(lambda: self._setpoint is not None)
+                positions, self._setpoint = self._setpoint, None
+            self._robot.arm.set_joint_positions(positions, plan=False, wait=False)
 
     def _slow(self, operation: object, request: "dict[str, object]") -> None:
         if operation == "gripper":
             # Returns once the gripper has acknowledged, or after five seconds.
             self._robot.gripper.open(position=request["travel"], wait=False)
             self._acknowledged = request["number"]  # type: ignore[assignment]
+        elif operation == "speed":
+            self._limb.set_joint_position_speed(request["ratio"])
         elif operation == "calibrate":
             self._fingers.calibrate()
         elif operation in ("enable", "disable", "reset", "stop"):

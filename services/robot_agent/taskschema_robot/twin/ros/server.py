@@ -141,6 +141,11 @@ class BridgeServer:
             transport = link.connection.transport
             (transport.pause_reading if active else transport.resume_reading)()
 
+    @property
+    def stalled(self) -> bool:
+        """Whether nothing passes."""
+        return not self._flowing.is_set()
+
     async def _serve(self, connection: ServerConnection) -> None:
         outbox = Outbox(connection)
         number, self._count = self._count, self._count + 1
