@@ -1,4 +1,4 @@
-"""Two more objects that the bar's schema lifts: a rolling pin and a box, of household sizes.
+"""Three more objects that the bar's schema lifts: a heavier bar, a rolling pin and a box.
 
 `taskschema train --task-file docs/examples/carried.py:RollingPin --init-schema RUN --freeze-schema`
 """
@@ -91,7 +91,21 @@ class Carried(LateralLifting):
 
 
 WOOD = 'density="1000" friction="1.0 0.005 0.0001" rgba="0.72 0.53 0.35 1"'
+STEEL = 'density="1000" friction="1.05 0.005 0.0001" rgba="0.45 0.47 0.5 1"'
 PLASTIC = 'density="1000" friction="1.05 0.005 0.0001" rgba="0.25 0.4 0.7 1"'
+
+
+class HeavyBar(Carried):
+    """A bar shorter, thicker and heavier than that of lateral lifting: 5.5 to 6.0 kg."""
+
+    name = "heavy-bar"
+    summary = "lift a heavy bar of varied place and density by 15 cm by its ends"
+    size = (0.7, 0.02, 0.055)
+    yaw = 0.25 * np.pi
+    density_range = (7200.0, 7850.0)
+    grasp = (-0.28, 0.0)
+    closing = 0.5 * np.pi
+    shape = f'<geom name="bar" type="box" size="0.35 0.01 0.0275" {STEEL}/>'
 
 
 class RollingPin(Carried):

@@ -8,7 +8,8 @@ from bus_setup import Run, deliver, some_document, some_metrics, toy_snapshot
 
 from taskschema.bus import learner_bus
 from taskschema.bus.learner_bus import LearnerBus
-from taskschema.errors import BusError, StaleTokenError
+from taskschema.config import PROTOCOL_VERSION
+from taskschema.errors import BusError, ConfigError, StaleTokenError
 
 WRITES: dict[str, Callable[[LearnerBus, Run], Any]] = {
     "open_round": lambda bus, run: bus.open_round(1, toy_snapshot(1), range(8)),
@@ -44,6 +45,26 @@ def test_older_learner_changes_nothing(run: Run, write: str) -> None:
         key: value for key, value in before.items() if key not in ignored
     }
     WRITES[write](newer, run)
+
+
+def test_a_run_speaks_the_protocol_of_the_learner_that_holds_the_token(run: Run) -> None:
+    older = run.learner()
+    run.client.hset(run.keys.config, "protocol", PROTOCOL_VERSION - 1)
+    run.records.register_run(run.name, run.config)
+    assert run.client.hget(run.keys.config, "protocol") == b"%d" % (PROTOCOL_VERSION - 1)
+    older.open_round(0, toy_snapshot(0), range(8))
+    newer = run.learner()
+    with pytest.raises(StaleTokenError):
+        older.set_state("running")
+    newer.open_round(0, toy_snapshot(0), range(8))
+    assert deliver(run.worker()) == list(range(8))
+
+
+def test_worker_notices_that_a_learner_of_another_protocol_came(run: Run) -> None:
+    worker = run.worker()
+    run.client.hset(run.keys.config, "protocol", 99)
+    with pytest.raises(ConfigError, match="protocol 99"):
+        worker.lease(1)
 
 
 def test_token_taken_between_watch_and_exec(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

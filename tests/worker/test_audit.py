@@ -1,6 +1,8 @@
-"""The audit: its arithmetic by hand, and a seeded sample of it on lateral lifting."""
+"""The audit: its arithmetic by hand, and a seeded sample of it on every family."""
 
 import json
+from contextlib import closing
+from dataclasses import replace
 from importlib import resources
 
 import pytest
@@ -8,7 +10,7 @@ import pytest
 from taskschema.errors import ConfigError, UnknownNameError
 from taskschema.tasks.registry import get_task
 from taskschema_worker.audit import audit
-from taskschema_worker.audit.audit import RANDOM_PART, Effort, _Audit, audit_with, is_idle
+from taskschema_worker.audit.audit import RANDOM_GOOD_PART, Effort, _Audit, audit_with, is_idle
 from taskschema_worker.audit.report import AuditReport, Corner, Rate, SchemaRate, SearchedSchema
 from taskschema_worker.audit.search import Search, search_arguments
 from taskschema_worker.scene_environment import SceneEnvironment
@@ -16,6 +18,19 @@ from taskschema_worker.scene_environment import SceneEnvironment
 TASK = get_task("lateral-lifting")
 GRASP, LIFT = TASK.paper_schema
 IDLE_SCHEMA = (("top_grasp", "no_op"), ("lift", "no_op"), ("lift", "no_op"))
+LEAST = Effort(
+    name="least",
+    expert=1,
+    corner=1,
+    screen=1,
+    confirm=1,
+    random=1,
+    idle_schemas=0,
+    sample_schemas=0,
+    search=Search(8, 1, 4),
+    refine=Search(8, 1, 4),
+)
+"""Each part once, and no search of its own."""
 
 
 def report(**changes):
@@ -105,7 +120,7 @@ def test_search_finds_what_can_be_solved(environment):
 
 def test_a_schema_that_the_expert_solves_in_part_is_searched_near_its_arguments(environment):
     schema = (*TASK.paper_schema, ("no_op", "no_op"))
-    effort = Effort("sample", 1, 1, 1, 1, 1, 0, 0, Search(8, 1, 4), Search(24, 2, 24))
+    effort = replace(LEAST, refine=Search(24, 2, 24))
     sample = _Audit(environment, TASK, 0, effort, lambda part, share: None)
     untouched = [SchemaRate(schema, Rate(24, 24)), SchemaRate(IDLE_SCHEMA, Rate(1, 100))]
     better, *others = sample._refine([SchemaRate(schema, Rate(1, 100)), *untouched])
@@ -123,25 +138,39 @@ def test_search_finds_nothing_with_one_arm_idle(environment, left):
     assert found.successes == 0
 
 
-def test_seeded_sample_of_the_audit(environment):
-    """(a) and (c) on few episodes; the full audit is in results/audit."""
-    effort = Effort("sample", 64, 4, 1, 4, 1024, 0, 0, Search(8, 1, 4), Search(8, 1, 4))
-    sample = _Audit(environment, TASK, 0, effort, lambda part, share: None)
-    expert, corners = sample._expert()
-    assert expert.value >= 0.95
-    assert all(corner.rate.value >= 0.9 for corner in corners)
-    # With 25 good schemas, 20,000 expected episodes mean p = 0.15 %.
-    assert sample._random([TASK.paper_schema], RANDOM_PART).value >= 0.0015
+def packaged(name):
+    """The good schemas that the package holds for a task."""
+    file = resources.files("taskschema") / f"data/good_schemas/{name}.json"
+    return [tuple(tuple(pair) for pair in schema) for schema in json.loads(file.read_text())]
+
+
+@pytest.mark.parametrize(
+    ("name", "random"), [("lateral-lifting", 1024), ("picking", 128), ("opening", 512), ("rotating", 512)]
+)
+def test_seeded_sample_of_the_audit(name, random):
+    """(a) and (c) on few episodes; the whole audits are in results/audit."""
+    task, good = get_task(name), packaged(name)
+    effort = replace(LEAST, expert=32, corner=2, random=random)
+    with closing(SceneEnvironment(task, threads=1)) as environment:
+        sample = _Audit(environment, task, 0, effort, lambda part, share: None)
+        expert, corners = sample._expert()
+        random_good = sample._random(good, RANDOM_GOOD_PART)
+    assert len(corners) == 8
+    sampled = report(
+        schema_count=len(task.pairs) ** task.horizon,
+        expert=expert,
+        corners=corners,
+        good=tuple(SchemaRate(schema, Rate(1, 1)) for schema in good),
+        random_good=random_good,
+    )
+    assert all(sampled.verdicts.values()), sampled.verdicts
 
 
 def test_packaged_good_set_holds_with_the_expert_s_arguments(environment):
-    packaged = json.loads(
-        (resources.files("taskschema") / "data/good_schemas/lateral-lifting.json").read_text()
-    )
-    schemas = [tuple(tuple(pair) for pair in schema) for schema in packaged]
+    schemas = packaged("lateral-lifting")
     assert (GRASP, LIFT, ("no_op", "no_op")) in schemas
     assert not any(is_idle(schema) for schema in schemas)
-    effort = Effort("sample", 1, 1, 2, 8, 1, 0, 0, Search(8, 1, 4), Search(8, 1, 4))
+    effort = replace(LEAST, screen=2, confirm=8)
     sample = _Audit(environment, TASK, 3, effort, lambda part, share: None)
     staged = [schema for schema in schemas if schema[:2] != TASK.paper_schema][::4]
     screened = sample._screen(staged)
@@ -152,6 +181,15 @@ def test_packaged_good_set_holds_with_the_expert_s_arguments(environment):
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 def test_whole_quick_audit_is_repeatable():
-    effort = Effort("tiny", 16, 2, 1, 4, 64, 1, 1, Search(16, 2, 4), Search(8, 1, 4))
+    effort = replace(
+        LEAST,
+        expert=16,
+        corner=2,
+        confirm=4,
+        random=64,
+        idle_schemas=1,
+        sample_schemas=1,
+        search=Search(16, 2, 4),
+    )
     first, second = (audit_with(TASK, 0, effort, threads=threads) for threads in (1, 2))
     assert first == second

@@ -7,6 +7,7 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.error import InvalidAction
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import SyncVectorEnv
 
@@ -108,6 +109,53 @@ def test_the_same_seed_gives_the_same_episode(environment):
     other, _ = environment.reset(seed=8)
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
+
+
+NOTHING = object()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        ("pair", 99, "no skill pair 99. Valid: 0: reach, reach; 1: reach, raise; 2: reach, no_op; 3: raise"),
+        ("pair", -1, "no skill pair -1"),
+        ("pair", 1.5, "one integer"),
+        ("pair", [1], "one integer; got shape \\(1,\\)"),
+        ("pair", "reach", "one integer"),
+        ("pair", NOTHING, "see action_space"),
+        ("arguments", [0.0, 0.0, np.nan, 0.0, 0.0, 0.0], r"left.raise.distance is nan"),
+        ("arguments", [0.0, 0.0, 0.0, 0.0, -np.inf, 0.0], r"right.reach.y is -inf"),
+        ("arguments", [0.0] * 5, "shape \\(6,\\)"),
+        ("arguments", ["0.0"] * 6, "of numbers"),
+        ("arguments", [[0.0], [0.0, 0.0]], "see action_space"),
+        ("arguments", NOTHING, "see action_space"),
+    ],
+)
+def test_a_bad_action_is_refused_by_name(name, value, reason):
+    single, several = gymnasium.make("taskschema/Toy-v0"), gymnasium.make_vec("taskschema/Toy-v0", num_envs=2)
+    single.reset(seed=0)
+    several.reset(seed=0)
+    good = {"pair": 0, "arguments": np.zeros(6, dtype=np.float32)}
+    bad = {key: item for key, item in {**good, name: value}.items() if item is not NOTHING}
+    with pytest.raises(InvalidAction, match=reason) as refusal:
+        single.unwrapped.step(bad)
+    assert "\n" not in str(refusal.value)
+    with pytest.raises(InvalidAction):
+        several.step({key: [good[key], item] for key, item in bad.items()})
+    observations = several.step({key: np.stack([item, item]) for key, item in good.items()})[0]
+    np.testing.assert_array_equal(observations[0], single.step(good)[0])
+
+
+def test_actions_that_a_reset_ignores_are_not_looked_at():
+    vector = gymnasium.make_vec("taskschema/Toy-v0", num_envs=2)
+    vector.reset(seed=0)
+    idle = {"pair": np.array([8, 8]), "arguments": np.zeros((2, 6), dtype=np.float32)}
+    for _ in range(get_task("toy").horizon):
+        ended = vector.step(idle)[2]
+    assert ended.all()
+    vector.step({"pair": np.array([99, 99]), "arguments": np.full((2, 6), np.nan)})
+    with pytest.raises(InvalidAction, match="left.reach.x is nan"):
+        vector.step({"pair": np.array([8, 8]), "arguments": np.full((2, 6), np.nan)})
 
 
 def test_an_unknown_kind_of_observation_is_refused():

@@ -12,9 +12,7 @@ from taskschema.errors import UnknownNameError
 from taskschema.frames import FRAME_SHAPE
 from taskschema.tasks.registry import get_task
 from taskschema.tasks.task import BatchEnvironment, Task
-
-Action = dict[str, Any]
-"""`{"pair": index into X, "arguments": [A] float32 in [-1, 1]}`."""
+from taskschema_worker.gymnasium_action import Action, read_action
 
 
 class TaskEnvironment(gymnasium.Env[Any, Action]):
@@ -60,11 +58,16 @@ class TaskEnvironment(gymnasium.Env[Any, Action]):
         return first.astype(self.observation_space.dtype, copy=False), {}
 
     def step(self, action: Action) -> tuple[AnyArray, float, bool, bool, dict[str, Any]]:
-        """Run one skill pair, both arms at the same time."""
+        """Run one skill pair, both arms at the same time.
+
+        Raises:
+            InvalidAction: if there is no such pair, or an argument is not finite.
+
+        """
         if self._environment is None:
             raise gymnasium.error.ResetNeeded("Call reset() before step().")
-        arguments = self.task.seen_pairs(self.obs_type).to_si(np.asarray(action["arguments"])[None])
-        result = self._environment.step(np.array([0]), np.array([int(action["pair"])]), arguments)
+        pair, arguments = read_action(self.task.seen_pairs(self.obs_type), action, np.array(True))
+        result = self._environment.step(np.array([0]), pair[None], arguments[None])
         self._step += 1
         success = bool(result.success[0]) and not bool(result.diverged[0])
         terminated = success or bool(result.diverged[0]) or self._step >= self.task.horizon

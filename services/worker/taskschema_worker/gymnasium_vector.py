@@ -13,8 +13,8 @@ from taskschema.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from taskschema.config import ObservationKind
 from taskschema.tasks.registry import get_task
 from taskschema.tasks.task import BatchEnvironment, Task
+from taskschema_worker.gymnasium_action import Action, read_action
 from taskschema_worker.gymnasium_environment import (
-    Action,
     action_space,
     argument_names,
     build_environment,
@@ -97,14 +97,18 @@ class TaskVectorEnvironment(VectorEnv[Any, Action, Any]):
         return self._observations.copy(), {}
 
     def step(self, actions: Action) -> Step:
-        """Run one skill pair in every episode, and start new episodes where the last one is over."""
+        """Run one skill pair in every episode, and start new episodes where the last one is over.
+
+        Raises:
+            InvalidAction: if there is no such pair, or an argument is not finite; nothing was run then.
+
+        """
         if not self._generators:
             raise gymnasium.error.ResetNeeded("Call reset() before step().")
         resetting = self._over
         success = np.zeros(self.num_envs, dtype=bool)
         diverged = np.zeros(self.num_envs, dtype=bool)
-        arguments = self.task.seen_pairs(self.obs_type).to_si(np.asarray(actions["arguments"]))
-        pairs = np.asarray(actions["pair"], dtype=np.int64)
+        pairs, arguments = read_action(self.task.seen_pairs(self.obs_type), actions, ~resetting)
         for cohort in self._cohorts:
             local = np.flatnonzero(cohort.running)
             members = cohort.members[local]

@@ -93,7 +93,8 @@ class PlanGate:
         goals, held = [], []
         for arm in (0, 1):
             index = int(space.skill_index(np.array(pair), arm))
-            goals.append(hand_goal(space.skills[index], arguments[space.columns(arm, index)], pose))
+            values = arguments[space.columns(arm, index)]
+            goals.append(hand_goal(space.skills[index], values, pose, arm, joints[arm, 0]))
             held.append(self._held(row, arm, start))
         return Motion(joints, opening, self._limits.period, (goals[0], goals[1]), (held[0], held[1]))
 

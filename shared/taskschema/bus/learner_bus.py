@@ -24,7 +24,7 @@ from taskschema.bus.work_stream import (
     silent_agents,
     work_entries,
 )
-from taskschema.config import RunConfig
+from taskschema.config import PROTOCOL_VERSION, RunConfig
 from taskschema.errors import BusError, StaleTokenError
 from taskschema.metrics import RoundMetrics
 from taskschema.policies import PolicySnapshot
@@ -78,8 +78,14 @@ class LearnerBus:
 
     @bus_errors()
     def acquire(self) -> int:
-        """Take a new fencing token, which turns every older learner of this run out, and return it."""
-        self._token = int(self._client.incr(self._keys.fence))
+        """Take a new fencing token, which turns every older learner of this run out, and return it.
+
+        From then on the run speaks this learner's protocol: the one before may have been of another version.
+        """
+        with self._client.pipeline(transaction=True) as pipe:
+            pipe.incr(self._keys.fence)
+            pipe.hset(self._keys.config, "protocol", PROTOCOL_VERSION)
+            self._token = int(pipe.execute()[0])
         ensure_group(self._client, self._keys)
         newest = self._client.xrevrange(self._keys.trajectories, count=1)
         self._inherited: bytes = newest[0][0] if newest else b"0-0"

@@ -128,15 +128,18 @@ class WorkerBus:
             pipe.hincrby(self._keys.leases, JOINED, 1)
             (protocol, config_hash), _, kind, _ = pipe.execute()
         if int(protocol) != PROTOCOL_VERSION or config_hash.decode() != config.config_hash:
-            raise ConfigError(
-                f"Run {self._run!r} was started by another version of taskschema (protocol {int(protocol)}, "
-                f"here {PROTOCOL_VERSION}): install the same one here."
-            )
+            raise self._of_another_version(protocol)
         if kind.decode() != self._kind:
             raise ConfigError(
                 f"Run {self._run!r} is served by {kind.decode()} agents, this is a {self._kind} one: "
                 "the two never share a run."
             )
+
+    def _of_another_version(self, protocol: bytes) -> ConfigError:
+        return ConfigError(
+            f"Run {self._run!r} is trained by another version of taskschema (protocol {int(protocol)}, "
+            f"here {PROTOCOL_VERSION}): install the same one here."
+        )
 
     @bus_errors()
     def leave(self) -> None:
@@ -168,7 +171,7 @@ class WorkerBus:
         `MOST_SLOTS`, or `MOST_SHARED_SLOTS`.
 
         Raises:
-            ConfigError: if the run was replaced by one of another config.
+            ConfigError: if the run was replaced by one of another config, or speaks another protocol now.
 
         """
         share, patience_ms = self._share()
@@ -192,11 +195,13 @@ class WorkerBus:
         """Return how many slots to take at most, and how long to wait for them before asking again [ms]."""
         config = self.join()
         with self._client.pipeline(transaction=False) as pipe:
-            pipe.hget(self._keys.config, "hash")
+            pipe.hmget(self._keys.config, "protocol", "hash")
             pipe.time()
-            config_hash, (seconds, _) = pipe.execute()
+            (protocol, config_hash), (seconds, _) = pipe.execute()
         if config_hash is None or config_hash.decode() != config.config_hash:
             raise ConfigError(f"Run {self._run!r} is gone or has another config now: start the agent again.")
+        if int(protocol) != PROTOCOL_VERSION:
+            raise self._of_another_version(protocol)
         # Counted by the server: thousands of workers must not read each other's names.
         alive: int = self._client.zcount(self._keys.heartbeats, f"({seconds - ALIVE_SECONDS}", "+inf")
         open_slots = open_count(self._client, self._keys)

@@ -36,7 +36,7 @@ class SafetyLimits:
     start_tolerance: float = 0.03
     """Largest distance of a motion's first set-point from the measured angle of any joint [rad]."""
     inverse_residual: float = 0.03
-    """Largest horizontal distance between where a hand is meant to end and where its joints put it [m]."""
+    """Largest distance, level and in height, between where a hand is meant to end and where it would [m]."""
     workspace: Box = Box((-0.9, -0.95, -0.05), (0.9, 0.95, 1.3))
     """Every link stays inside; the bases stand at y = -0.56 and 0.56 m. The table is checked by itself."""
     arm_clearance: float = 0.015

@@ -36,7 +36,7 @@ class Motion:
     period: float
     """[s]"""
     goals: tuple[AnyArray | None, AnyArray | None] = (None, None)
-    """[2] world x, y at which each hand is meant to end [m]; None where nothing was asked for."""
+    """Where in the world each hand is meant to end [m]: x, y and perhaps z; None where nothing was asked."""
     held: tuple[HeldObject | None, HeldObject | None] = (None, None)
     """What each hand holds throughout."""
 

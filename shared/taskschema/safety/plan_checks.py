@@ -76,8 +76,8 @@ def check_form(motion: Motion, measured: FloatArray, limits: SafetyLimits) -> Re
     if not _is_real(opening, shape[:2]):
         return malformed("the gripper set-points are not one finite number for each joint set-point")
     for goal in motion.goals:
-        if goal is not None and not _is_real(goal, (2,)):
-            return malformed("a hand's goal is not two finite numbers")
+        if goal is not None and not (_is_real(goal, (2,)) or _is_real(goal, (3,))):
+            return malformed("a hand's goal is not two or three finite numbers")
     if not all(held is None or _is_box(held) for held in motion.held):
         return malformed("a held object is no box of at most 2 m in a proper orientation")
     return None
@@ -172,18 +172,24 @@ def check_gripper(motion: Motion, measured: FloatArray, limits: SafetyLimits) ->
 
 
 def check_end(motion: Motion, measured: FloatArray, limits: SafetyLimits) -> Refusal | None:
-    """Check the inverse kinematics' residual: whether the hands end above the place they were meant for.
+    """Check the inverse kinematics' residual: whether the hands end at the places they were meant for.
 
-    Height is not compared: arguments name places (Table II), and how high a hand ends is its skill's own
+    Height is compared where it was asked for, by a go-to pose or a lift: how high a grasp ends is its own
     affair. A hand that ends too low is the sweep's to refuse; one that ends too high grasps nothing.
+    Orientation is not compared: skills are to reach the place before it, and say so.
     """
     for index, (kinematics, goal) in enumerate(zip(sawyer_pair(), motion.goals, strict=True)):
         if goal is None:
             continue
         position, _ = kinematics.forward(motion.joints[index, -1:])
-        residual = float(np.hypot(*(position[0, :2] - goal)))
-        if residual > limits.inverse_residual:
-            reason = f"the {ARMS[index]} hand would end {100 * residual:.1f} cm beside where it was meant to"
+        offset = position[0, : len(goal)] - goal
+        beside = float(np.hypot(*offset[:2]))
+        above = float(offset[2:].sum())
+        if max(beside, abs(above)) > limits.inverse_residual:
+            words = f"{100 * beside:.1f} cm beside"
+            if abs(above) > beside:
+                words = f"{100 * abs(above):.1f} cm {'above' if above > 0.0 else 'below'}"
+            reason = f"the {ARMS[index]} hand would end {words} where it was meant to"
             end = motion.joints[:, -1].copy()
             return Refusal(RefusalKind.INVERSE_KINEMATICS, reason, motion.duration, end)
     return None

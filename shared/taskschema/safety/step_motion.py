@@ -6,23 +6,34 @@ from taskschema.arrays import FloatArray
 from taskschema.kinematics.rotation import rotate
 from taskschema.kinematics.sawyer import rethink_gripper, sawyer_pair
 from taskschema.safety.motion import HeldObject
+from taskschema.skills.go_to_pose import pose_to_reach
 from taskschema.skills.skill import Skill
 
-ENDS_AT_POINT = ("top_grasp", "side_grasp", "go_to_pose")
-"""Skills whose arguments x and y are where the hand ends, from the object's centre."""
+ENDS_AT_POINT = ("top_grasp", "side_grasp")
+"""Skills whose arguments x and y are where the hand ends, from the object's centre; its height is theirs."""
 HOLDS = 0.004
 """A gripper that was closed and stays further open than this holds something, whatever it says itself [m]."""
 
 
-def hand_goal(skill: Skill, values: FloatArray, pose: FloatArray) -> FloatArray | None:
-    """Return the world x, y [2] at which a skill with SI arguments [A] is meant to leave the hand [m].
+def hand_goal(
+    skill: Skill, values: FloatArray, pose: FloatArray, arm: int, start: FloatArray
+) -> FloatArray | None:
+    """Return the world x, y [2], or x, y, z [3], at which a skill is meant to leave the hand [m].
 
     Args:
         skill: of the arm.
-        values: its own arguments.
+        values: [A] its own arguments, SI units.
         pose: [7 + h] the object's at the start of the step.
+        arm: 0 left, 1 right.
+        start: [7] joint angles that the arm's path starts from [rad].
 
     """
+    if skill.name == "go_to_pose":
+        target, _ = pose_to_reach(pose[None, :3], values[None])
+        return np.asarray(target[0])
+    if skill.name == "lift":
+        position, _ = sawyer_pair()[arm].forward(start[None])
+        return np.asarray(position[0] + np.array([0.0, 0.0, values[0]]))
     return pose[:2] + values[:2] if skill.name in ENDS_AT_POINT else None
 
 

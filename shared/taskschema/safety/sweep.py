@@ -10,10 +10,21 @@ from taskschema.safety.limits import SafetyLimits
 from taskschema.safety.motion import Motion
 from taskschema.safety.refusal import Refusal, RefusalKind
 
-RECOVERY_SHARE = 0.7
-"""Least share of their distance at the start that shapes keep which are too near at the start already."""
-RECOVERY_TOLERANCE = 0.002
-"""How much deeper shapes may come that touch at the start already [m]."""
+
+@dataclass(frozen=True)
+class Leeway:
+    """How much nearer shapes may come on their way apart which are too near at the start already."""
+
+    share: float
+    """Least share of their distance at the start that they keep."""
+    tolerance: float
+    """How much nearer than that they may come, and how much deeper if they touch [m]."""
+
+
+PARTING = Leeway(share=1.0, tolerance=0.0005)
+"""Not nearer, but for rounding: arms that ended a motion a little nearer than they may."""
+RECOVERY = Leeway(share=0.7, tolerance=0.002)
+"""After a fault, which a person has acknowledged: arms that lean on each other have to get loose."""
 
 
 @dataclass(frozen=True)
@@ -60,13 +71,13 @@ class Sweep:
         centres, frames = self._model.poses(end)
         extents = self._model.extents(frames)
         refusal = (
-            self._outside(end, now, centres, extents, recovering=False)
-            or self._too_near(motion, end, now, centres, recovering=False)
+            self._outside(end, now, centres, extents, None)
+            or self._too_near(motion, end, now, centres, None)
             or self.check(motion, measured)
         )
         return refusal is not None
 
-    def check(self, motion: Motion, measured: FloatArray, *, recovering: bool = False) -> Refusal | None:
+    def check(self, motion: Motion, measured: FloatArray, *, leeway: Leeway | None = None) -> Refusal | None:
         """Return why a motion from `measured` [2, 7] must not be made, or None.
 
         Between two tested configurations no point of a link moves further than `sweep_resolution`; half of
@@ -75,16 +86,16 @@ class Sweep:
         Args:
             motion: of the right form, within the joint limits.
             measured: where the arms are.
-            recovering: shapes that are too near each other already may part, but not come nearer.
+            leeway: for shapes that are too near each other already; None: they may not even part.
         """
         self._hold(motion)
         joints, times = self._dense(motion, measured)
         centres, frames = self._model.poses(joints)
         extents = self._model.extents(frames)
         return (
-            self._outside(joints, times, centres, extents, recovering)
+            self._outside(joints, times, centres, extents, leeway)
             or self._sagging(motion, joints, times, centres, extents)
-            or self._too_near(motion, joints, times, centres, recovering)
+            or self._too_near(motion, joints, times, centres, leeway)
         )
 
     def _hold(self, motion: Motion) -> None:
@@ -110,7 +121,7 @@ class Sweep:
         times: FloatArray,
         centres: FloatArray,
         extents: FloatArray,
-        recovering: bool,
+        leeway: Leeway | None,
     ) -> Refusal | None:
         """Check every link against the workspace."""
         box = self._limits.workspace
@@ -118,7 +129,7 @@ class Sweep:
         low = np.array(box.lower) - (centres - extents)[:, links]
         high = (centres + extents)[:, links] - np.array(box.upper)
         excess = np.maximum(low, high).max(axis=2)
-        allowed = np.maximum(excess[0], 0.0) if recovering else 0.0
+        allowed = 0.0 if leeway is None else np.maximum(excess[0], 0.0)
         step, link = _first(excess > allowed)
         if step is None:
             return None
@@ -145,15 +156,20 @@ class Sweep:
         return None
 
     def _too_near(
-        self, motion: Motion, joints: FloatArray, times: FloatArray, centres: FloatArray, recovering: bool
+        self,
+        motion: Motion,
+        joints: FloatArray,
+        times: FloatArray,
+        centres: FloatArray,
+        leeway: Leeway | None,
     ) -> Refusal | None:
         """Check every pair of shapes whose bounding spheres come near, in the order of time."""
         table = self._table(motion)
         pairs, need = table.pairs, table.need
         near = self._near(table, centres)
-        if recovering:
+        if leeway is not None:
             start = self._distances(joints[:, 0], pairs, need)
-            kept = np.where(start > 0.0, RECOVERY_SHARE * start, start) - RECOVERY_TOLERANCE
+            kept = np.where(start > 0.0, leeway.share * start, start) - leeway.tolerance
             need = np.minimum(need, kept)
         for step in np.flatnonzero(near.any(axis=1)):
             self._model.place(joints[:, step])

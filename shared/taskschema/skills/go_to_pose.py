@@ -73,12 +73,9 @@ class GoToPose(Skill):
 
     def plan(self, context: PlanningContext, arguments: FloatArray) -> ArmPath:
         """Plan from the joints in `context`; see `Skill.plan`."""
-        target = context.object_position + arguments[:, :3]
-        quaternion = roll_pitch_yaw_quaternion(arguments[:, 3:])
-        rotation = np.stack([rotate(quaternion, axis) for axis in POINTING_DOWN.T], axis=2)
+        target, rotation = pose_to_reach(context.object_position, arguments)
         neutral = np.tile(NEUTRAL, (len(target), 1))
-        rotation = _nearer_half_turn(context, neutral, tilted_clear(rotation, target[:, 2]))
-        target[:, 2] = np.maximum(target[:, 2], least_height(rotation))
+        rotation = _nearer_half_turn(context, neutral, rotation)
         towards_base = _unit(context.arm.base_position[..., :2] - target[:, :2])
         ahead = _along(target[:, :2] - context.object_position[:, :2], towards_base)
         approach = np.maximum(APPROACH, CLEARANCE - ahead)
@@ -100,6 +97,22 @@ class GoToPose(Skill):
                 grid=6,
             )
         )
+
+
+def pose_to_reach(object_position: FloatArray, arguments: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the poses of hands, [N, 3] and [N, 3, 3], that arguments [N, 6] mean, clear of the table.
+
+    Args:
+        object_position: [N, 3] in the world frame.
+        arguments: SI units.
+
+    """
+    target = object_position + arguments[:, :3]
+    quaternion = roll_pitch_yaw_quaternion(arguments[:, 3:])
+    rotation = np.stack([rotate(quaternion, axis) for axis in POINTING_DOWN.T], axis=2)
+    rotation = tilted_clear(rotation, target[:, 2])
+    target[:, 2] = np.maximum(target[:, 2], least_height(rotation))
+    return target, rotation
 
 
 def _withdrawn(context: PlanningContext, towards_base: FloatArray) -> FloatArray:

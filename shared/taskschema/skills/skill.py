@@ -22,7 +22,7 @@ class Skill:
     """Name in snake case, as it stands in schemas."""
     summary: ClassVar[str]
     """One sentence for `taskschema skills`."""
-    families: ClassVar[tuple[str, ...]]
+    families: ClassVar[tuple[str, ...]] = ("all",)
     """Task families that allow it, or `("all",)`."""
     arguments: ClassVar[tuple[Argument, ...]] = ()
     """Its continuous arguments, in order."""
@@ -33,6 +33,10 @@ class Skill:
     ends_pressing: ClassVar[bool | None] = False
     """Whether the arm may end pressing on something, which the next skill keeps up by starting from the arm's
     set-point and not from where it was held back. None: as it was before this skill."""
+
+    def is_allowed_in(self, family: str) -> bool:
+        """Return whether tasks of a family may have it."""
+        return "all" in self.families or family in self.families
 
     def plan(self, context: PlanningContext, arguments: FloatArray) -> ArmPath:
         """Plan N episodes.

@@ -6,6 +6,7 @@ from types import ModuleType
 
 from taskschema.config import RunConfig
 from taskschema.errors import TaskFileError, UnknownNameError
+from taskschema.skills.registry import SKILLS
 from taskschema.tasks.task import Task
 
 _TASKS: dict[str, tuple[str, str]] = {
@@ -28,11 +29,13 @@ def get_task(name: str) -> Task:
 
     Raises:
         UnknownNameError: if there is none of this name.
+        TaskFileError: if it has a skill that its family does not allow.
     """
     if name not in _TASKS:
         raise UnknownNameError("task", name, _TASKS)
     module, class_name = _TASKS[name]
     task: Task = getattr(importlib.import_module(module), class_name)()
+    _check_skills(task)
     return task
 
 
@@ -55,7 +58,8 @@ def load_task_source(class_name: str, source: str) -> Task:
     """Run a task file's source, which its user trusts as any program of theirs, and make its task.
 
     Raises:
-        TaskFileError: if it does not run, has no such class, or the class is no complete `Task`.
+        TaskFileError: if it does not run, has no such class, the class is no complete `Task`, or has a skill
+            that its family does not allow.
     """
     module = ModuleType("taskschema_user_task")
     try:
@@ -73,9 +77,27 @@ def load_task_source(class_name: str, source: str) -> Task:
             f"The task file has no Task class {class_name!r}; it has: {', '.join(classes) or 'none'}."
         )
     try:
-        return candidate()
-    except TypeError as error:
+        task = candidate()
+        _check_skills(task)
+    except (TypeError, AttributeError) as error:
         raise TaskFileError(f"Task class {class_name!r} is not complete: {error}.") from None
+    return task
+
+
+def _check_skills(task: Task) -> None:
+    """Refuse a skill that the task's family does not allow.
+
+    Raises:
+        TaskFileError: that names those it does.
+    """
+    skills = {skill.name: skill for skill in (*SKILLS.values(), *task.pairs.skills)}
+    for skill in task.pairs.skills:
+        if not skill.is_allowed_in(task.family):
+            allowed = sorted(name for name, other in skills.items() if other.is_allowed_in(task.family))
+            raise TaskFileError(
+                f"Task {task.name!r} has the skill {skill.name!r}, which is for {', '.join(skill.families)}, "
+                f"but its own family {task.family!r} allows: {', '.join(allowed)}."
+            )
 
 
 def task_of(config: RunConfig) -> Task:

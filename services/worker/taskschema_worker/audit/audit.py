@@ -2,7 +2,8 @@
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from taskschema.errors import ConfigError, UnknownNameError
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
 from taskschema.tasks.task import GOOD_SHARE, Schema, Task
 from taskschema_worker.audit.episodes import BATCH, expert, fixed, run_schema, run_schemas, streams
+from taskschema_worker.audit.journal import Journal
 from taskschema_worker.audit.report import (
     AuditReport,
     Corner,
@@ -17,7 +19,7 @@ from taskschema_worker.audit.report import (
     SchemaRate,
     SearchedSchema,
 )
-from taskschema_worker.audit.search import Search, search_arguments
+from taskschema_worker.audit.search import Found, Search, search_arguments
 from taskschema_worker.scene_environment import SceneEnvironment
 
 Progress = Callable[[str, float], None]
@@ -29,7 +31,7 @@ EXPERT_PART, CORNER_PART, SCREEN_PART, CONFIRM_PART, RANDOM_PART, SAMPLE_PART, R
 """Parts of the audit in the keys of their random streams."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Effort:
     """How many episodes each part gets."""
 
@@ -59,21 +61,43 @@ class Effort:
 EFFORTS = {
     effort.name: effort
     for effort in (
-        Effort("quick", 256, 16, 1, 40, 2048, 4, 2, Search(96, 6, 64), Search(32, 2, 40)),
         Effort(
-            "medium",
-            1024,
-            50,
-            3,
-            100,
-            16384,
-            10_000,
-            8,
-            Search(96, 5, 100),
-            Search(64, 3, 100),
+            name="quick",
+            expert=256,
+            corner=16,
+            screen=1,
+            confirm=40,
+            random=2048,
+            idle_schemas=4,
+            sample_schemas=2,
+            search=Search(96, 6, 64),
+            refine=Search(32, 2, 40),
+        ),
+        Effort(
+            name="medium",
+            expert=1024,
+            corner=50,
+            screen=3,
+            confirm=100,
+            random=16384,
+            idle_schemas=10_000,
+            sample_schemas=8,
+            search=Search(96, 5, 100),
+            refine=Search(64, 3, 100),
             skip_repeats=True,
         ),
-        Effort("full", 1024, 100, 8, 200, 16384, 10_000, 16, Search(96, 8, 200), Search(96, 4, 200)),
+        Effort(
+            name="full",
+            expert=1024,
+            corner=100,
+            screen=8,
+            confirm=200,
+            random=16384,
+            idle_schemas=10_000,
+            sample_schemas=16,
+            search=Search(96, 8, 200),
+            refine=Search(96, 4, 200),
+        ),
     )
 }
 
@@ -84,6 +108,7 @@ def audit(
     effort: str = "quick",
     progress: Progress | None = None,
     threads: int = 1,
+    journal: Journal | None = None,
 ) -> AuditReport:
     """Audit a task; the report follows from task, seed and effort alone.
 
@@ -93,6 +118,7 @@ def audit(
         effort: a name in `EFFORTS`.
         progress: called with the part under way and the share of it that is done.
         threads: for the physics; makes no difference to the report.
+        journal: what is known already; every part that is counted is added.
 
     Raises:
         UnknownNameError: if there is no such effort.
@@ -102,17 +128,24 @@ def audit(
         raise ConfigError(f"Task {task.name!r} has no simulated scene to audit: its optimum is known.")
     if effort not in EFFORTS:
         raise UnknownNameError("effort", effort, EFFORTS)
-    return audit_with(task, seed, EFFORTS[effort], progress, threads)
+    return audit_with(task, seed, EFFORTS[effort], progress, threads, journal)
 
 
 def audit_with(
-    task: SceneTask, seed: int, effort: Effort, progress: Progress | None = None, threads: int = 1
+    task: SceneTask,
+    seed: int,
+    effort: Effort,
+    progress: Progress | None = None,
+    threads: int = 1,
+    journal: Journal | None = None,
 ) -> AuditReport:
     """Audit a task with sample sizes of one's own; see `audit`."""
     environment = SceneEnvironment(task, threads)
     environment.measure_distance = True
     try:
-        return _Audit(environment, task, seed, effort, progress or (lambda part, share: None)).run()
+        told = progress or (lambda part, share: None)
+        kept = Journal() if journal is None else journal
+        return _Audit(environment, task, seed, effort, told, kept).run()
     finally:
         environment.close()
 
@@ -126,6 +159,7 @@ class _Audit:
     seed: int
     effort: Effort
     progress: Progress
+    journal: Journal = field(default_factory=Journal)
 
     def run(self) -> AuditReport:
         expert_rate, corners = self._expert()
@@ -154,21 +188,24 @@ class _Audit:
 
     def _expert(self) -> tuple[Rate, tuple[Corner, ...]]:
         self.progress("expert", 0.0)
-        rate = self._rate(self.task.paper_schema, EXPERT_PART, 0, self.effort.expert)
+        rngs = streams(self.seed, EXPERT_PART, 0, self.effort.expert)
+        rate = self._expert_rate("expert", [self.task.draw_instance(rng) for rng in rngs])
         corners = []
         for index, name in enumerate(self.task.corner_names):
             rngs = streams(self.seed, CORNER_PART, index, self.effort.corner)
             instances = [self.task.draw_corner(index, rng) for rng in rngs]
-            corners.append(Corner(name, self._expert_rate(self.task.paper_schema, instances)))
+            corners.append(Corner(name, self._expert_rate(f"corner {index}", instances)))
         return rate, tuple(corners)
 
-    def _rate(self, schema: Schema, part: int, index: int, count: int) -> Rate:
-        instances = [self.task.draw_instance(rng) for rng in streams(self.seed, part, index, count)]
-        return self._expert_rate(schema, instances)
+    def _expert_rate(self, part: str, instances: Sequence[ObjectInstance]) -> Rate:
+        """Return how often the expert solves instances under the paper's schema."""
 
-    def _expert_rate(self, schema: Schema, instances: Sequence[ObjectInstance]) -> Rate:
-        outcome = run_schema(self.environment, self.task, schema, instances, expert(self.task))
-        return Rate(int(outcome.success.sum()), len(instances))
+        def count() -> list[int]:
+            schema = self.task.paper_schema
+            outcome = run_schema(self.environment, self.task, schema, instances, expert(self.task))
+            return [int(outcome.success.sum())]
+
+        return Rate(self.journal.counts(part, count)[0], len(instances))
 
     def _screen(self, schemas: Sequence[Schema]) -> list[SchemaRate]:
         """Try every schema with the expert's arguments, and those that succeed at all on more instances."""
@@ -183,9 +220,7 @@ class _Audit:
         for index, item in enumerate(screened):
             self.progress("schemas solved in part", index / len(screened))
             if 0 < item.rate.value < GOOD_SHARE and not is_idle(item.schema):
-                found = search_arguments(
-                    self.environment, self.task, item.schema, self.seed, 2000 + index, size, NEAR_EXPERT
-                )
+                found = self._found(item.schema, 2000 + index, size, NEAR_EXPERT)
                 rate = Rate(found.successes, found.trials)
                 if rate.value > item.rate.value:
                     item = SchemaRate(item.schema, rate, searched=True)
@@ -198,13 +233,18 @@ class _Audit:
         together, rates = max(1, BATCH // count), []
         for start in range(0, len(chosen), together):
             self.progress(name, start / len(chosen))
-            indices = chosen[start : start + together]
-            rngs = [rng for index in indices for rng in streams(self.seed, part, index, count)]
-            instances = [self.task.draw_instance(rng) for rng in rngs]
-            repeated = [schemas[index] for index in indices for _ in range(count)]
-            outcome = run_schemas(self.environment, self.task, repeated, instances, expert(self.task))
-            rates += [Rate(int(row.sum()), count) for row in outcome.success.reshape(-1, count)]
+            solved = partial(self._solved, schemas, chosen[start : start + together], part, count)
+            found = self.journal.counts(f"{name} from {start}", solved)
+            rates += [Rate(successes, count) for successes in found]
         return rates
+
+    def _solved(self, schemas: Sequence[Schema], indices: Sequence[int], part: int, count: int) -> list[int]:
+        """Return of how many instances the expert solves each of the schemas with these indices."""
+        rngs = [rng for index in indices for rng in streams(self.seed, part, index, count)]
+        instances = [self.task.draw_instance(rng) for rng in rngs]
+        repeated = [schemas[index] for index in indices for _ in range(count)]
+        outcome = run_schemas(self.environment, self.task, repeated, instances, expert(self.task))
+        return [int(row.sum()) for row in outcome.success.reshape(-1, count)]
 
     def _is_repeat(self, schema: Schema) -> bool:
         """Return whether a schema is searched under another name: the one that pauses at its end."""
@@ -216,20 +256,33 @@ class _Audit:
         self.progress("random arguments", 0.0)
         if not schemas:
             return Rate(0, self.effort.random)
-        space, steps = self.task.pairs, len(schemas[0])
-        rngs = streams(self.seed, part, 0, self.effort.random)
-        instances = [self.task.draw_instance(rng) for rng in rngs]
-        raw = np.stack([rng.uniform(-1.0, 1.0, (steps, space.argument_count)) for rng in rngs])
-        turns = [schemas[episode % len(schemas)] for episode in range(self.effort.random)]
-        outcome = run_schemas(self.environment, self.task, turns, instances, fixed(space.to_si(raw)))
-        return Rate(int(outcome.success.sum()), self.effort.random)
+
+        def count() -> list[int]:
+            space, steps = self.task.pairs, len(schemas[0])
+            rngs = streams(self.seed, part, 0, self.effort.random)
+            instances = [self.task.draw_instance(rng) for rng in rngs]
+            raw = np.stack([rng.uniform(-1.0, 1.0, (steps, space.argument_count)) for rng in rngs])
+            turns = [schemas[episode % len(schemas)] for episode in range(self.effort.random)]
+            outcome = run_schemas(self.environment, self.task, turns, instances, fixed(space.to_si(raw)))
+            return [int(outcome.success.sum())]
+
+        return Rate(self.journal.counts(f"random arguments, part {part}", count)[0], self.effort.random)
+
+    def _found(self, schema: Schema, index: int, size: Search, near_expert: float | None = None) -> Found:
+        """Search the arguments of one schema."""
+
+        def search() -> tuple[int, int, int]:
+            task, seed = self.task, self.seed
+            return astuple(search_arguments(self.environment, task, schema, seed, index, size, near_expert))
+
+        return Found(*self.journal.counts(f"search {index}", search))
 
     def _search(self, part: str, schemas: Sequence[Schema], offset: int) -> tuple[SearchedSchema, ...]:
         size = self.effort.search
         searched = []
         for index, schema in enumerate(schemas):
             self.progress(part, index / len(schemas))
-            found = search_arguments(self.environment, self.task, schema, self.seed, offset + index, size)
+            found = self._found(schema, offset + index, size)
             searched.append(
                 SearchedSchema(
                     schema,
