@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taskschema.errors import TaskFileError
 from taskschema.tasks.lateral_lifting import LateralLifting
-from taskschema.tasks.registry import load_task_source, read_task_file
+from taskschema.tasks.registry import get_task, load_task_source, read_task_file
 from taskschema_worker.audit.episodes import expert, run_schema
 from taskschema_worker.scene_environment import SceneEnvironment
 
@@ -37,7 +38,7 @@ def test_the_example_is_solved_by_two_arms_and_not_by_one(tray):
     assert success(tray, left_alone, instances) == 0
 
 
-@pytest.mark.parametrize("name", ["RollingPin", "Box"])
+@pytest.mark.parametrize("name", ["HeavyBar", "RollingPin", "Box"])
 def test_the_bars_schema_lifts_other_objects_too_and_one_arm_does_not(name):
     carried = load_task_source(*read_task_file(str(ROOT / f"docs/examples/carried.py:{name}")))
     generator = np.random.default_rng(0)
@@ -68,6 +69,48 @@ def test_it_trains_and_verifies_from_its_file(tmp_path):
         )
         assert result.returncode == 0, result.stderr
     assert "The same: 2 rounds" in result.stdout
+
+
+BASE = """
+from taskschema.skills.lift import Lift
+from taskschema.skills.no_op import NoOp
+from taskschema.skills.pairs import PairSpace
+from taskschema.skills.registry import get_skill
+from taskschema.tasks.lateral_lifting import LateralLifting
+
+class Own(LateralLifting):
+    name = "own"
+"""
+
+
+@pytest.mark.parametrize(
+    ("lines", "reason"),
+    [
+        (
+            "pairs = PairSpace([get_skill('lift'), get_skill('twist')])",
+            "'twist', which is for opening, but its own family 'lateral_lifting' allows: "
+            "lift, no_op, top_grasp",
+        ),
+        ("family = 'stacking'", "family 'stacking' allows: no_op"),
+        ("pairs = None", "not complete"),
+    ],
+)
+def test_a_skill_that_the_family_does_not_allow_is_refused(lines, reason):
+    with pytest.raises(TaskFileError, match=reason) as refusal:
+        load_task_source("Own", f"{BASE}    {lines}\n")
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_family_of_one_s_own_has_skills_that_name_it():
+    source = BASE.replace("class Own", "class Hoist(Lift):\n    families = ('stacking',)\n\nclass Own")
+    source += "    family = 'stacking'\n    pairs = PairSpace([Hoist(), NoOp()])\n"
+    assert [skill.name for skill in load_task_source("Own", source).pairs.skills] == ["lift", "no_op"]
+
+
+def test_a_registered_task_is_held_to_its_family_too(monkeypatch):
+    monkeypatch.setattr(LateralLifting, "family", "opening")
+    with pytest.raises(TaskFileError, match="'lift', which is for"):
+        get_task("lateral-lifting")
 
 
 def test_the_page_names_what_stands_in_the_file():

@@ -58,6 +58,13 @@ def test_training_says_what_it_found_and_where_it_is(place):
     assert all(set(line) >= {"time", "part", "level", "message"} for line in lines)
 
 
+def test_a_training_that_logs_for_programs_draws_its_curve_too(tmp_path):
+    taskschema(*TRAIN, "--rounds", "1", "--log-format", "json", cwd=tmp_path)
+    run = tmp_path / "runs" / "toy-schema-seed3"
+    assert (run / "curve.png").read_bytes().startswith(b"\x89PNG")
+    assert (run / "finished.json").exists()
+
+
 def test_hash_prints_one_sha256_and_nothing_else(place):
     output = taskschema("hash", "toy-schema-seed3", cwd=place)
     rows = RunFolder.open(place / "runs" / "toy-schema-seed3").read_metrics()
@@ -120,6 +127,8 @@ def test_export_and_plot_write_files(place):
     taskschema("export", "toy-schema-seed3", "trained.npz", "--rounds", "2", cwd=place)
     with np.load(place / "trained.npz", allow_pickle=False) as arrays:
         assert arrays["round"].tolist() == [0] * 20 + [1] * 20
+    every = taskschema("export", "toy-schema-seed3", "all.npz", "--rounds", "9", cwd=place)
+    assert every == "all.npz: 60 training episodes of the first 3 rounds, computed again\n"
     path = taskschema("plot", "toy-schema-seed3", "--output", "one.png", cwd=place).strip()
     assert (place / path).read_bytes().startswith(b"\x89PNG")
     taskschema("plot", "toy-schema-seed3", "runs/toy-schema-seed3", cwd=place)

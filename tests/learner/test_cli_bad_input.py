@@ -5,9 +5,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from taskschema.config import RunConfig
+from taskschema.schema import SchemaView
+from taskschema.tasks import get_task
 from taskschema_learner.run_folder import RunFolder
 
 COMMAND = Path(sys.executable).with_name("taskschema")
@@ -19,6 +22,11 @@ def place(tmp_path):
     (tmp_path / "no_class.py").write_text("number = 1\n")
     (tmp_path / "no_schema.json").write_text("{}\n")
     RunFolder.create(tmp_path / "runs" / "untrained", RunConfig(task="toy"))
+    RunFolder.create(tmp_path / "runs" / "robots", RunConfig(task="toy"), agent="robot")
+    for name, logits in (("undecided", np.zeros((3, 9))), ("decided", np.eye(3, 9))):
+        folder = RunFolder.create(tmp_path / "runs" / name, RunConfig(task="toy"))
+        view = SchemaView(get_task("toy").pairs, logits)
+        folder.write_schema(view.document(run=name, task="toy", version=1, used_steps=None, updated_at=""))
     for name, content in (("corrupt", '{"format_ver'), ("newer", '{"format_version": 99}')):
         (tmp_path / "runs" / name).mkdir()
         (tmp_path / "runs" / name / "config.json").write_text(content)
@@ -79,8 +87,26 @@ CASES = {
     "task file of another class": (["train", "--task-file", "no_class.py:Task"], "has no Task class 'Task'"),
     "unknown schema": (["train", "toy", "--init-schema", "none"], "Unknown run 'none'"),
     "no schema in the file": (["train", "toy", "--init-schema", "no_schema.json"], "is not a schema"),
+    "a schema for a policy without one": (
+        ["train", "toy", "--policy", "state", "--init-schema", "runs/decided"],
+        "are for --policy schema: state learns no schema",
+    ),
+    "a schema to freeze for a policy that has its own": (
+        ["train", "toy", "--policy", "oracle", "--freeze-schema"],
+        "are for --policy schema: oracle learns no schema",
+    ),
+    "no schema to freeze": (["train", "toy", "--freeze-schema"], "--freeze-schema needs --init-schema"),
+    "no schema to freeze, set": (["train", "toy", "--set", "schema.frozen=true"], "needs --init-schema"),
+    "a schema that says nothing": (
+        ["train", "toy", "--init-schema", "runs/undecided"],
+        "runs/undecided has no schema to start from",
+    ),
     "unknown field": (["train", "toy", "--set", "ppo.learning_rat=1"], "Did you mean 'ppo.learning_rate'?"),
     "no assignment": (["train", "toy", "--set", "seed"], "FIELD=VALUE"),
+    "a field that a file's hash is": (
+        ["train", "toy", "--observation", "image", "--set", "image.vgg_sha256=00"],
+        "--vgg-weights FILE writes it",
+    ),
     "value out of range": (["train", "toy", "--set", "ppo.clip=-1"], "'clip' must be above 0"),
     "value of another type": (["train", "toy", "--set", "slots=many"], "slots"),
     "no slots": (["train", "toy", "--slots", "0"], "between 1 and 100000"),
@@ -104,6 +130,15 @@ CASES = {
     "untrained run, hash": (["hash", "untrained"], "no checkpoint yet"),
     "untrained run, eval": (["eval", "untrained"], "no policy yet"),
     "untrained run, verify": (["verify", "untrained"], "no rounds yet"),
+    "verify of a robot's run": (["verify", "robots"], "cannot be computed again"),
+    "a robot's training episodes": (
+        ["export", "robots", "x.npz", "--rounds", "1"],
+        "runs/robots is a robot's run: its episodes cannot be computed again",
+    ),
+    "workers for a robot's run": (
+        ["train", "--resume", "--run-dir", "runs/robots", "--agent", "simulation"],
+        "with --agent robot",
+    ),
     "untrained run, plot": (["plot", "untrained"], "no rounds yet"),
     "corrupt run": (["hash", "corrupt"], "damaged config.json"),
     "run of another format": (["schema", "newer"], "format version 99"),
@@ -159,3 +194,42 @@ def test_images_without_a_renderer(place, monkeypatch):
     monkeypatch.setenv("MUJOCO_GL", "glfw")
     message = refused(place, "train", "lateral-lifting", "--observation", "image", "--workers", "1")
     assert "MUJOCO_GL=glfw cannot draw off screen: set it to egl or osmesa" in message
+
+
+RIVAL = """
+import filelock
+from taskschema_learner import composition
+from taskschema_learner.cli.main import main
+from taskschema_learner.run_folder import RunFolder
+
+def rival(options):
+    '''Another learner, which comes first.'''
+    global lock
+    if {has_config}:
+        RunFolder.create(options.run_dir, options.config)
+    options.run_dir.mkdir(exist_ok=True, parents=True)
+    lock = filelock.FileLock(options.run_dir / "learner.lock")
+    lock.acquire()
+
+composition._require_renderer = rival
+main()
+"""
+
+
+@pytest.mark.parametrize(
+    ("has_config", "words"), [(True, "already holds a run"), (False, "Another learner is training")]
+)
+def test_of_two_trainings_that_begin_at_once_the_second_leaves_the_first_s_folder(place, has_config, words):
+    script = RIVAL.format(has_config=has_config)
+    result = subprocess.run(
+        [sys.executable, "-c", script, "train", "toy", "--run-dir", "runs/both", "--api", "none"],
+        cwd=place,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert result.returncode == 1
+    assert result.stderr.startswith("Error: ")
+    assert words in result.stderr
+    assert (place / "runs" / "both" / "learner.lock").exists()
+    assert (place / "runs" / "both" / "config.json").exists() == has_config

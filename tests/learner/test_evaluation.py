@@ -2,18 +2,30 @@
 
 import json
 
+import msgspec
 import numpy as np
 import pytest
 
 from taskschema.config import RunConfig
 from taskschema.errors import ConfigError, RunFolderError
+from taskschema.metrics import RoundMetrics
 from taskschema.tasks.registry import get_task
 from taskschema_learner.evaluation import HELD_OUT, evaluate, held_out_episodes, wilson
 from taskschema_learner.export import write_trajectories
 from taskschema_learner.learner import Learner
-from taskschema_learner.recomputation import recompute
+from taskschema_learner.recomputation import RecomputedRound, recompute
 from taskschema_learner.run_folder import RunFolder
 from taskschema_learner.run_policies import newest_policy
+from taskschema_learner.verification import training_episodes, verify
+
+
+def metrics(number):
+    """A row of a round, in which nothing but its number means anything."""
+    values = {
+        field.name: {int: number, float: 0.0, str: ""}.get(field.type, (0.0,))
+        for field in msgspec.structs.fields(RoundMetrics)
+    }
+    return RoundMetrics(**values)
 
 
 @pytest.fixture
@@ -65,6 +77,36 @@ def test_a_damaged_policy_is_one_clear_error(folder):
     path.write_bytes(data)
     with pytest.raises(RunFolderError, match="damaged"):
         evaluate(folder, 1)
+
+
+def test_training_episodes_are_the_run_s_own_or_none(folder):
+    expected = list(recompute(folder.config, 2))
+    rows = [msgspec.structs.replace(metrics(each.round), sha256=each.sha256) for each in expected]
+    folder.keep_metrics(rows)
+    found = training_episodes(folder, 9)
+    assert [item.round for item in found] == [0] * 12 + [1] * 12
+    assert all(
+        np.array_equal(one.arguments, other.arguments)
+        for one, other in zip(found, [item for each in expected for item in each.trajectories], strict=True)
+    )
+    folder.keep_metrics([rows[0], msgspec.structs.replace(rows[1], sha256="0" * 64)])
+    assert len(training_episodes(folder, 1)) == 12
+    with pytest.raises(RunFolderError, match="Round 1 of run comes out differently here"):
+        training_episodes(folder, 2)
+
+
+def test_a_run_is_computed_again_on_the_device_that_it_learned_on(monkeypatch, tmp_path):
+    folder = RunFolder.create(tmp_path / "graphics", RunConfig(task="toy"), device="cuda")
+    folder.append_metrics(metrics(0))
+    devices = []
+
+    def recompute_nothing(config, rounds, trunk, initial_policy, device):
+        devices.append(device)
+        return [RecomputedRound(0, [], "ab")]
+
+    monkeypatch.setattr("taskschema_learner.verification.recompute", recompute_nothing)
+    assert not verify(folder).same
+    assert devices == ["cuda"]
 
 
 def test_exports_hold_what_was_executed(folder, tmp_path):

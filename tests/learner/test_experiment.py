@@ -18,7 +18,7 @@ from taskschema_learner.default_config import default_config
 from taskschema_learner.evaluation import wilson
 from taskschema_learner.experiment.cell import Cell, CellResult
 from taskschema_learner.experiment.experiment import without_places
-from taskschema_learner.experiment.measurement import CURVE_ROWS, judged, thinned_curve
+from taskschema_learner.experiment.measurement import CURVE_ROWS, judged, source_commit, thinned_curve
 from taskschema_learner.experiment.plan import Plan, next_cell
 from taskschema_learner.experiment.report import report
 from taskschema_learner.experiment.results_folder import ResultsFolder, Summary
@@ -139,6 +139,52 @@ def test_the_page_says_medians_ratios_and_verdicts_as_computed_by_hand():
     assert "| toy | state | 0 | not solved | 30,000 | - | 30,000 | 1.0 | 2% | - | - |" in page
 
 
+def test_the_page_says_what_was_aimed_at_and_whether_it_was_reached():
+    pairs = (("top_grasp", "top_grasp"), ("lift", "lift"))
+    cells = (
+        result("lateral-lifting", "schema", 0, 9000, schema=pairs, verdict="equal"),
+        result("lateral-lifting", "schema", 1, 11_000, schema=pairs, verdict="different"),
+        result("lateral-lifting", "state", 0, 40_000),
+        result("lateral-lifting", "oracle", 0, 5000),
+        result("opening", "schema", 0, 6000, schema=pairs, verdict="equivalent"),
+        result("opening", "state", 0, 6000, "not solved", budget=6000),
+        result("opening", "oracle", 0, 9000),
+        result("rotating", "schema", 0, 400, "interrupted"),
+    )
+    page = report(Summary(experiment="paper-sim", machines=("2 cores",), cells=cells), "**Why**: luck.\n")
+    for line in (
+        "| lateral-lifting: `schema` solves it with every seed | 2 of 2 | yes |",
+        "| lateral-lifting: its schemas are equal or equivalent to the paper's | 1 of 2 | **no** |",
+        "| lateral-lifting: `state` takes at least 5 times as many episodes | 4 times | **no** |",
+        "| opening: `state` does not solve it with the episodes of the slowest `schema` seed "
+        "| 0 of 1 seeds do | yes |",
+        "| lateral-lifting: `oracle` takes fewer episodes than `schema` | 0.5 times | yes |",
+        "| opening: `oracle` takes fewer episodes than `schema` | 1.5 times | **no** |",
+        "**Why**: luck.",
+        # What is open of the whole experiment, whatever part of it is at hand.
+        "- lateral-lifting, `schema`: seeds 2, 3, 4",
+        "- picking, `state`: seeds 0, 1, 2, 3, 4",
+        "- rotating, `schema`: seeds 0 (at 400 episodes), 1, 2, 3, 4",
+    ):
+        assert line in page.splitlines()
+    assert "| rotating: " not in page  # nothing can be said of it yet
+
+
+def test_remarks_beside_the_results_come_onto_the_page(tmp_path):
+    folder = ResultsFolder(tmp_path)
+    assert folder.remarks() == ""
+    (tmp_path / "remarks.md").write_text("Slow on Mondays.\n")
+    assert folder.remarks() == "Slow on Mondays.\n"
+
+
+def test_a_result_names_its_commit_and_whether_other_code_ran():
+    root = Path(__file__).parents[2]
+    known = subprocess.run(
+        ["git", "-C", root, "rev-parse", "--short", "HEAD"], capture_output=True, text=True
+    )
+    assert source_commit().removesuffix("+") == known.stdout.strip()
+
+
 def test_a_schema_that_the_audit_missed_is_different_and_counted_as_as_good_by_its_held_out_success():
     pairs = (("reach", "reach"), ("raise", "raise"))
     cells = tuple(
@@ -171,6 +217,8 @@ def test_from_images_everything_is_compared_with_the_transferred_schema():
     relearned = result("toy", "re-learned", 0, 8000, "not solved", budget=8000)
     page = report(Summary(experiment="images-sim", machines=("2 cores",), cells=(transferred, relearned)))
     assert "| toy | re-learned | > 8,000 | > 8,000 | more than 4 |" in page
+    assert "| toy: 90 % within the budget, the schema transferred | 1 of 1 seeds | yes |" in page
+    assert "| toy: not by then, the schema learned again | 0 of 1 seeds do | yes |" in page
     assert "The schema that `re-learned` found" in page
 
 

@@ -1,15 +1,22 @@
-"""Starting from another run's policy: the same weights, kept in the folder, or a line about what differs."""
+"""Starting from a policy or weights of elsewhere: kept in the folder, or a line about what differs."""
+
+from dataclasses import replace
 
 import msgspec
+import numpy as np
 import pytest
+from spatial_setup import image_config
 
-from taskschema.config import RunConfig
+from taskschema.config import ImageConfig, RunConfig
 from taskschema.errors import ConfigError, RunFolderError
+from taskschema.policies.spatial_trunk import TRUNKS
 from taskschema.tasks import get_task
+from taskschema_learner.checkpoint import Checkpoint, save
+from taskschema_learner.composition import TrainOptions, make_learner, open_folder
 from taskschema_learner.initial_policy import policy_of_file, policy_of_run, require_fit
 from taskschema_learner.learner import Learner
 from taskschema_learner.recomputation import recompute
-from taskschema_learner.run_folder import INITIAL_POLICY, RunFolder
+from taskschema_learner.run_folder import INITIAL_POLICY, TRUNK, RunFolder
 from taskschema_learner.run_policies import initial_policy_of, newest_policy
 
 TOY = get_task("toy")
@@ -130,3 +137,47 @@ def test_a_file_alone_will_do(trained):
     bare = policy_of_file(trained.path / "policy.safetensors")
     require_fit(bare, config, TOY)
     assert bare.snapshot.sha256 == initial.snapshot.sha256
+
+
+VGG = msgspec.structs.replace(image_config(), image=ImageConfig(trunk="vgg16", vgg_sha256="0" * 64))
+
+
+@pytest.fixture
+def published(tmp_path):
+    """Options of a new run with published weights, whose folder is there, and nothing else yet."""
+    rng = np.random.default_rng(0)
+    weights = {}
+    for layer in TRUNKS["vgg16"]:
+        weights[f"{layer.name}.weight"] = rng.standard_normal(layer.shape, np.float32)
+        weights[f"{layer.name}.bias"] = rng.standard_normal(layer.outputs, np.float32)
+    options = TrainOptions(VGG, tmp_path / "published", trunk=weights)
+    open_folder(options)
+    return options
+
+
+def first_trunk(options):
+    weights = make_learner(options, open_folder(options)).snapshot().weights
+    return {name: array for name, array in weights.items() if name.startswith("trunk.")}
+
+
+def test_a_run_with_published_weights_goes_on_with_them_before_its_first_checkpoint(published):
+    found = first_trunk(replace(published, resume=True, trunk=None))
+    assert len(found) == 20
+    assert all((found[name] == published.trunk[name]).all() for name in found)
+
+
+def test_without_its_published_weights_a_run_does_not_go_on(published):
+    with pytest.raises(ConfigError, match="--vgg-weights FILE"):
+        Learner(VGG, TOY)
+    path = published.run_dir / TRUNK
+    data = path.read_bytes()
+    path.write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
+    with pytest.raises(RunFolderError, match=r"trunk\.safetensors is damaged"):
+        first_trunk(replace(published, resume=True, trunk=None))
+    path.unlink()  # as in the folder of an earlier version
+    with pytest.raises(RunFolderError, match="continue it with --resume --vgg-weights FILE"):
+        first_trunk(replace(published, resume=True, trunk=None))
+    assert len(first_trunk(replace(published, resume=True))) == 20
+    learner = make_learner(published, RunFolder.open(published.run_dir))
+    save(published.run_dir / "checkpoints", Checkpoint(1, 1, learner.arrays(), {}))
+    assert len(first_trunk(replace(published, resume=True, trunk=None))) == 20

@@ -174,6 +174,12 @@ def test_update_refuses_another_round() -> None:
         learner.update([])
 
 
+def test_an_update_to_weights_that_are_not_finite_is_refused() -> None:
+    config = RunConfig(task="toy", slots=10, ppo=PPOConfig(learning_rate=1e38))
+    with pytest.raises(ConfigError, match="lower ppo.learning_rate"):
+        sha_after_update(config)
+
+
 def test_used_steps_follow_the_recent_successes() -> None:
     learner = Learner(SMALL, TOY)
     assert learner.used_steps is None

@@ -2,13 +2,15 @@
 
 import json
 import random
+from pathlib import Path
 
 import msgspec
 import pytest
 
 from taskschema.config import FORMAT_VERSION, RunConfig
-from taskschema.errors import RunFolderError
+from taskschema.errors import ConfigError, RunFolderError
 from taskschema.metrics import RoundMetrics
+from taskschema_learner.cli.run_reference import run_name
 from taskschema_learner.run_folder import RunFolder, write_atomically
 
 CONFIG = RunConfig(task="toy", seed=7)
@@ -25,7 +27,35 @@ def row(number: int) -> RoundMetrics:
 
 def test_what_is_created_can_be_opened(tmp_path):
     RunFolder.create(tmp_path / "run", CONFIG)
-    assert RunFolder.open(tmp_path / "run").config == CONFIG
+    folder = RunFolder.open(tmp_path / "run")
+    assert (folder.config, folder.agent, folder.device) == (CONFIG, "simulation", "cpu")
+
+
+def test_agent_and_device_come_back_where_they_were_written_down(tmp_path):
+    RunFolder.create(tmp_path / "run", CONFIG, agent="robot", device="cuda")
+    folder = RunFolder.open(tmp_path / "run")
+    assert (folder.agent, folder.device) == ("robot", "cuda")
+    path = folder.path / "config.json"
+    content = json.loads(path.read_text())
+    del content["agent"], content["device"]
+    path.write_text(json.dumps(content))
+    earlier = RunFolder.open(tmp_path / "run")
+    assert (earlier.config, earlier.agent, earlier.device) == (CONFIG, None, None)
+
+
+@pytest.mark.parametrize("place", [".", "../run", "sub/.."])
+def test_a_run_has_its_folder_s_name_however_that_is_given(tmp_path, monkeypatch, place):
+    (tmp_path / "run" / "sub").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "run")
+    assert RunFolder.create(Path(place), CONFIG).name == "run"
+    assert RunFolder.open(Path(place)).name == "run"
+    assert run_name(place) == run_name("run") == "run"
+
+
+def test_a_name_that_cannot_be_a_run_s_is_refused_before_anything_is_written(tmp_path):
+    with pytest.raises(ConfigError, match="lower-case"):
+        RunFolder.create(tmp_path / "UPPER", CONFIG)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_an_existing_run_is_not_overwritten(tmp_path):

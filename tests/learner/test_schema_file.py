@@ -31,13 +31,25 @@ def own_key(tmp_path, monkeypatch):
     return tmp_path / "owner" / "key.pem"
 
 
+def logits(version):
+    return LOGITS * version / 7
+
+
+def checkpoint(version):
+    arrays = {"weights.value.bias": np.zeros(1, dtype=np.float32), "schema.logits": logits(version)}
+    return Checkpoint(version, 1, arrays)
+
+
+def document(version):
+    view = SchemaView(Toy().pairs, logits(version))
+    return view.document(run="bar", task="toy", version=version, used_steps=2, updated_at="then")
+
+
 @pytest.fixture
 def folder(tmp_path):
     folder = RunFolder.create(tmp_path / "runs" / "bar", RunConfig(task="toy", seed=5))
-    arrays = {"weights.value.bias": np.zeros(1, dtype=np.float32), "schema.logits": LOGITS}
-    save(folder.checkpoints, Checkpoint(7, 1, arrays))
-    view = SchemaView(Toy().pairs, LOGITS)
-    folder.write_schema(view.document(run="bar", task="toy", version=7, used_steps=2, updated_at="then"))
+    save(folder.checkpoints, checkpoint(7))
+    folder.write_schema(document(7))
     return folder
 
 
@@ -69,6 +81,30 @@ def test_a_file_says_where_its_schema_comes_from(exported, folder):
     assert provenance["config_hash"] == folder.config.config_hash
     assert msgspec.convert(provenance["config"], RunConfig) == folder.config
     assert np.array_equal(read_schema(exported).logits, LOGITS)
+
+
+def test_schema_and_hash_are_of_one_version_while_the_run_trains(folder, tmp_path, monkeypatch):
+    before = run_hash(folder)
+    for version in (8, 9):
+        save(folder.checkpoints, checkpoint(version))
+    written = export_schema(folder, tmp_path / "old.json", owner_key())
+    assert (written.provenance.policy_version, written.provenance.policy_sha256) == (7, before)
+    read, old = folder.read_schema, folder.read_schema()
+    save(folder.checkpoints, checkpoint(10))
+    folder.write_schema(document(10))
+    reads = iter([old, old])
+    monkeypatch.setattr(folder, "read_schema", lambda: next(reads, None) or read())
+    written = export_schema(folder, tmp_path / "new.json", owner_key())
+    assert (written.schema, written.provenance.policy_version) == (document(10), 10)
+    assert written.provenance.policy_sha256 == run_hash(folder)
+
+
+@pytest.mark.parametrize("version", [6, 7])
+def test_a_schema_that_no_checkpoint_holds_is_not_signed(folder, tmp_path, version):
+    folder.write_schema(msgspec.structs.replace(document(version), logits=(LOGITS + 1).tolist()))
+    with pytest.raises(RunFolderError, match="--resume"):
+        export_schema(folder, tmp_path / "schema.json", owner_key())
+    assert not (tmp_path / "schema.json").exists()
 
 
 def test_the_key_is_made_once_and_only_its_owner_reads_it(own_key):

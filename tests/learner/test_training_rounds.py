@@ -13,7 +13,9 @@ from taskschema.config import RunConfig
 from taskschema.metrics import RoundMetrics
 from taskschema.schema import SchemaView
 from taskschema_learner.composition import TrainOptions, run_training
+from taskschema_learner.folder_state import folder_state
 from taskschema_learner.progress import Limits, Progress
+from taskschema_learner.run_folder import RunFolder
 from taskschema_learner.training import TrainingContext
 
 ROUNDS = 3
@@ -28,7 +30,7 @@ class Watcher:
         self.pause_in: int | None = None
 
     def on_start(self, context: TrainingContext, rounds_done: int, progress: Progress) -> None:
-        self.round = rounds_done
+        self.round, self.context = rounds_done, context
 
     def on_collecting(self, slots_done: int, slots: int) -> None:
         if self.round == self.pause_in:
@@ -61,6 +63,7 @@ def options(shared_redis, tmp_path: Path, request) -> TrainOptions:
 def test_the_next_round_is_open_before_the_last_is_announced(options):
     watcher = Watcher(options.redis, options.run_dir.name)
     assert run_training(options, watcher)
+    assert (watcher.context.agent, watcher.context.workers) == ("simulation", None)
     # After the last one there is nothing to open: status still names it, on the policy that came of it.
     assert watcher.announced == [(0, 1, 1), (1, 2, 2), (2, 2, 3)]
     assert [row.round for row in watcher.records.curve(watcher.run)] == [0, 1, 2]
@@ -86,6 +89,13 @@ def test_the_next_learner_obeys_the_stop_of_a_dead_one(options):
     assert [announced[0] for announced in watcher.announced] == [0, 1, 2]
 
 
+def test_the_start_knows_who_runs_the_episodes(options):
+    watcher = Watcher(options.redis, options.run_dir.name)
+    watcher.records.request(watcher.run, "stop")
+    assert not run_training(replace(options, agent="robot"), watcher)
+    assert (watcher.context.agent, watcher.context.workers) == ("robot", None)
+
+
 def test_a_paused_run_stays_paused_when_resumed(options):
     watcher = Watcher(options.redis, options.run_dir.name)
     assert run_training(replace(options, limits=Limits(None, 1)), watcher)
@@ -97,3 +107,32 @@ def test_a_paused_run_stays_paused_when_resumed(options):
     training.join()
     assert watcher.finished
     assert [announced[0] for announced in watcher.announced] == [0, 1, 2]
+
+
+class Stopper(Watcher):
+    """Notes what the folder tells, and asks for a stop before a round."""
+
+    def __init__(self, options: TrainOptions, stop_before: int) -> None:
+        super().__init__(options.redis, options.run_dir.name)
+        self.path, self.stop_before, self.states = options.run_dir, stop_before, set()
+
+    def on_collecting(self, slots_done: int, slots: int) -> None:
+        self.states.add(folder_state(RunFolder.open(self.path), self.round).state)
+
+    def on_round(self, metrics: RoundMetrics, schema: SchemaView, used_steps: int | None) -> None:
+        super().on_round(metrics, schema, used_steps)
+        if self.round == self.stop_before:
+            self.records.request(self.run, "stop")
+
+
+def test_the_folder_tells_what_the_run_is_doing(options):
+    watcher, goes_on = Stopper(options, ROUNDS + 1), replace(options, limits=Limits(None, 5), resume=True)
+    assert run_training(options, watcher)
+    folder = RunFolder.open(options.run_dir)
+    assert watcher.states == {"running"}
+    assert folder_state(folder, ROUNDS) == ("finished", "3 rounds are done")
+    assert not run_training(goes_on, watcher)
+    assert folder_state(folder, folder.read_metrics()[-1].policy_version).state == "stopped"
+    watcher.stop_before = 0
+    assert run_training(goes_on, watcher)
+    assert folder_state(folder, 5) == ("finished", "5 rounds are done")

@@ -84,6 +84,15 @@ def test_actors_are_placed_and_know_nothing_of_torch(pool):
         assert {environment[f"{name}_NUM_THREADS"] for name in ("OMP", "OPENBLAS", "MKL")} == {"1"}
 
 
+def test_what_actors_run_yields_to_learner_redis_and_api(pool):
+    own = psutil.Process().nice()
+    for process in actor_processes():
+        names = {item.id: Path(f"/proc/{process.pid}/task/{item.id}/comm") for item in process.threads()}
+        running = [number for number, name in names.items() if name.read_text().startswith("ray::Rollout")]
+        assert running
+        assert min(os.getpriority(os.PRIO_PROCESS, number) for number in running) > own
+
+
 def test_ray_listens_on_loopback_alone(pool):
     for process in child_processes():
         for connection in process.net_connections(kind="tcp"):

@@ -95,6 +95,14 @@ def load_latest(folder: Path) -> Checkpoint | None:
     return None
 
 
+def load_round(folder: Path, number: int) -> Checkpoint | None:
+    """Return the checkpoint after this many rounds, or None if it is not kept, or not whole."""
+    for path in folder.glob(f"round-{number:08d}-*.safetensors"):
+        with suppress(OSError, ValueError):
+            return _read(path)
+    return None
+
+
 def _encode(checkpoint: Checkpoint) -> bytes:
     own = {"format": _FORMAT, "round": str(checkpoint.round), "token": str(checkpoint.token)}
     metadata = {**own, **{f"user.{name}": text for name, text in checkpoint.metadata.items()}}

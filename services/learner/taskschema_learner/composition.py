@@ -2,6 +2,7 @@
 
 import logging
 import os
+import shutil
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -26,10 +27,11 @@ from taskschema.tasks.scene_task import SceneTask
 from taskschema_learner.api.process import ApiProcess
 from taskschema_learner.api.transport import Tls
 from taskschema_learner.embedded_redis import EmbeddedRedis
+from taskschema_learner.folder_state import mark_finished
 from taskschema_learner.learner import Learner
 from taskschema_learner.progress import Limits
 from taskschema_learner.run_folder import RunFolder
-from taskschema_learner.run_policies import initial_policy_of
+from taskschema_learner.run_policies import initial_policy_of, published_trunk, trunk_to_bytes
 from taskschema_learner.summaries import SummaryWriter
 from taskschema_learner.training import Parts, TrainingContext, TrainingObserver, TrainingStoppedError, train
 from taskschema_learner.worker_pool import WorkerPool
@@ -66,7 +68,8 @@ class TrainOptions:
     agent: AgentKind = "simulation"
     """Who runs the episodes: `simulation` starts workers, `robot` waits for `taskschema-robot run`."""
     trunk: dict[str, Float32Array] | None = None
-    """Published weights that a new run's frozen trunk starts with, by name; None: random ones."""
+    """Published weights that a new run's frozen trunk starts with, by name; None: random ones. A resumed run
+    keeps its own."""
     initial_policy: PolicySnapshot | None = None
     """Policy whose weights a new run starts with; None: random ones. A resumed run keeps its own."""
 
@@ -83,8 +86,12 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
     stop = threading.Event()
     with ExitStack() as stack:
         stack.enter_context(_stopped_by_signals(stop))
+        is_new = not options.run_dir.exists()
         folder = open_folder(options)
         stack.enter_context(folder.locked())
+        undo = stack.enter_context(ExitStack())  # before training, nothing is in a new folder but its config
+        if is_new:
+            undo.callback(shutil.rmtree, folder.path, ignore_errors=True)
         bind(run=folder.name)
         url = options.redis or stack.enter_context(EmbeddedRedis(folder.path / "redis")).url
         records = RunRecords(connect(url))
@@ -96,8 +103,7 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
             api = stack.enter_context(ApiProcess(api_url, folder.name, options.api, tls=options.api_tls))
         records.set_api(folder.name, api.url if api else None)
         task = task_of(folder.config)
-        initial = initial_policy_of(folder)
-        learner = Learner(folder.config, task, options.device, options.trunk, initial)
+        learner = make_learner(options, folder)
         bus = LearnerBus(connect(url), folder.name, folder.config)
         bus.acquire()
         stack.enter_context(LearnerLife(bus))
@@ -120,9 +126,11 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
             task=task,
             limits=options.limits,
             workers=workers,
+            agent=options.agent,
             api_url=api.url if api else None,
             api_token=api.token if api and api.token_is_generated else None,
         )
+        undo.pop_all()
         return _train_to_the_end(parts, options.limits, context, stop, crew)
 
 
@@ -155,6 +163,7 @@ def _train_to_the_end(
     try:
         with crew:  # workers that cannot be stopped are a failure, not an end
             reason = train(parts, limits, context, stop)
+        mark_finished(parts.folder, parts.learner.version, reason)
     except TrainingStoppedError:
         parts.bus.set_state("stopped")
         parts.observer.on_finish("it was asked to stop", finished=False)
@@ -171,11 +180,19 @@ def open_folder(options: TrainOptions) -> RunFolder:
     """Create the run's folder, or open it to resume.
 
     Raises:
-        RunFolderError: if it is not there to resume, is there already, or belongs to another config.
+        RunFolderError: if it is not there to resume, is there already, or belongs to another config, kind of
+            agent or device.
     """
     if not options.resume:
-        initial = options.initial_policy
-        return RunFolder.create(options.run_dir, options.config, initial.to_bytes() if initial else None)
+        initial, trunk = options.initial_policy, options.trunk
+        return RunFolder.create(
+            options.run_dir,
+            options.config,
+            initial_policy=None if initial is None else initial.to_bytes(),
+            trunk=None if trunk is None or initial is not None else trunk_to_bytes(trunk),
+            agent=options.agent,
+            device=options.device,
+        )
     folder = RunFolder.open(options.run_dir)
     if folder.config != options.config:
         difference = _difference(folder.config, options.config)
@@ -183,7 +200,25 @@ def open_folder(options: TrainOptions) -> RunFolder:
             f"{options.run_dir} belongs to a run of another config ({difference}): "
             "resume it with the options it was started with, or choose another --run-dir."
         )
+    kept = {"agent": folder.agent, "device": folder.device}
+    for name, there in kept.items():
+        here = getattr(options, name)
+        if there not in (None, here):
+            raise RunFolderError(
+                f"{options.run_dir} is a run with --{name} {there}: resume it without --{name} {here}."
+            )
     return folder
+
+
+def make_learner(options: TrainOptions, folder: RunFolder) -> Learner:
+    """Return the run's learner with its first weights; what is not drawn is kept in the folder.
+
+    Raises:
+        TaskschemaError: if something of it is gone or damaged, or the device is not there.
+    """
+    trunk = published_trunk(folder) if options.trunk is None else options.trunk
+    initial = initial_policy_of(folder)
+    return Learner(folder.config, task_of(folder.config), options.device, trunk, initial)
 
 
 def _difference(old: RunConfig, new: RunConfig) -> str:
@@ -193,20 +228,20 @@ def _difference(old: RunConfig, new: RunConfig) -> str:
 
 def _start_workers(
     stack: ExitStack, options: TrainOptions, url: str, run: str
-) -> tuple[Callable[[], object], int]:
-    """Start rollout actors, or a worker here; return what tends them and how many there are.
+) -> tuple[Callable[[], object], int | None]:
+    """Start rollout actors, or a worker here; return what tends them and how many actors there are to be.
 
     Robots are not started from here: their agent joins the run by itself.
     """
     if options.agent == "robot":
-        return lambda: None, 0
+        return lambda: None, None
     if options.workers == 0:
         from taskschema_worker.worker import Worker
 
         bus = stack.enter_context(WorkerBus(connect(url), run, f"inline-{os.getpid()}"))
         worker = Worker(bus, threads=os.cpu_count() or 1)
         stack.callback(worker.close)
-        return lambda: worker.run_once(block_ms=1), 0
+        return lambda: worker.run_once(block_ms=1), None
     actors_url = None if options.redis is None else os.environ.get(WORKER_REDIS_VARIABLE)
     pool = WorkerPool(url, run, options.workers, options.ray, actors_redis_url=actors_url)
     stack.enter_context(pool)

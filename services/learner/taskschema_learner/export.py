@@ -33,8 +33,7 @@ def write_trajectories(
         ConfigError: for another ending; RunFolderError: if the file cannot be written.
 
     """
-    if path.suffix not in FORMATS:
-        raise ConfigError(f"Cannot export to {path}: its name must end in {' or '.join(FORMATS)}.")
+    require_format(path)
     temporary = path.with_name(f".{path.stem}.part{path.suffix}")
     try:
         if path.suffix == ".npz":
@@ -46,6 +45,17 @@ def write_trajectories(
     except OSError as error:
         temporary.unlink(missing_ok=True)
         raise RunFolderError(f"{path} cannot be written: {error.strerror}.") from None
+
+
+def require_format(path: Path) -> None:
+    """Refuse a file whose ending names no format.
+
+    Raises:
+        ConfigError: that names those there are.
+
+    """
+    if path.suffix not in FORMATS:
+        raise ConfigError(f"Cannot export to {path}: its name must end in {' or '.join(FORMATS)}.")
 
 
 def _arrays(

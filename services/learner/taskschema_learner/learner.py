@@ -54,7 +54,8 @@ class Learner:
             initial_policy: the one that the config names, if it does.
 
         Raises:
-            ConfigError: if the device is not there, or the policy is another one or does not fit.
+            ConfigError: if the device is not there, the policy is another one or does not fit, or the trunk
+                is missing.
 
         """
         _prepare(device)
@@ -154,7 +155,11 @@ def _first_weights(
     given = None if initial_policy is None else initial_policy.sha256
     if given != config.initial_policy:
         raise ConfigError(f"The run starts from policy {config.initial_policy}, not from {given}.")
-    return first_weights(config, task, trunk) if initial_policy is None else initial_policy.weights
+    if initial_policy is not None:
+        return initial_policy.weights
+    if config.image.vgg_sha256 is not None and trunk is None:
+        raise ConfigError("The run's trunk has published weights: give them with --vgg-weights FILE.")
+    return first_weights(config, task, trunk)
 
 
 def _first_network(
@@ -192,7 +197,7 @@ def _prepare(device: str) -> None:
     if device == "cuda":
         os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # cuBLAS is deterministic only so
         if not torch.cuda.is_available():
-            raise ConfigError("Device 'cuda' is not available here: use --device cpu.")
+            raise ConfigError("Device 'cuda' is not available here: a new run can use --device cpu.")
     torch.set_num_threads(1)
     torch.use_deterministic_algorithms(True)
     # Nothing reads such memory, and filling it takes a tenth of an update's time.

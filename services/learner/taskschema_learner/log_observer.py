@@ -21,21 +21,20 @@ class LogObserver:
     """
 
     def __init__(self, run_log: RunLog, resume_command: str) -> None:
-        self.started = False
-        """Whether training began; before, nothing is in the run's folder but its config."""
         self._run_log = run_log
         self._resume_command = resume_command
 
     def on_start(self, context: TrainingContext, rounds_done: int, progress: Progress) -> None:
         """Say what is trained, with what and where."""
-        self.started = True
+        self._folder = context.folder
         self._run_log.write_to(context.folder)
         if context.api_token is not None:
             log.warning("The API's token was generated and is not logged: set TASKSCHEMA_API_TOKEN.")
         facts = {
             "task": context.task.name,
             "folder": str(context.folder),
-            "workers": context.workers,
+            "agent": context.agent,
+            "workers": context.workers or 0,
             "api": context.api_url,
             "rounds_done": rounds_done,
             "episodes": progress.episodes,
@@ -56,9 +55,13 @@ class LogObserver:
         log.info("Round done", extra={"round": metrics.round, "facts": facts})
 
     def on_finish(self, reason: str, finished: bool) -> None:
-        """Say why it ended, and how to go on."""
+        """Say why it ended, and how to go on; draw the curve of a run that is finished."""
         facts = {"finished": finished} | ({} if finished else {"resume": self._resume_command})
         log.info("Training ended: %s", reason, extra={"facts": facts})
+        if finished:
+            from taskschema_learner.plots import draw_curve
+
+            draw_curve(self._folder)
 
     def close(self) -> None:
         """Nothing is open."""

@@ -8,6 +8,7 @@ from torch import Tensor
 
 from taskschema.arrays import AnyArray, FloatArray
 from taskschema.config import PPOConfig
+from taskschema.errors import ConfigError
 from taskschema_learner.advantages import generalised_advantages
 from taskschema_learner.algorithms import make_algorithm
 from taskschema_learner.batch import Batch, Samples
@@ -43,7 +44,12 @@ class Optimiser:
         )
 
     def update(self, batch: Batch, rng: np.random.Generator) -> UpdateStatistics:
-        """Train on a batch that the network's present weights acted in; `rng` shuffles the minibatches."""
+        """Train on a batch that the network's present weights acted in; `rng` shuffles the minibatches.
+
+        Raises:
+            ConfigError: if that leads to weights that are not finite.
+
+        """
         samples = self._samples(batch)
         policy_losses, value_losses, norms = [], [], []
         for _ in range(self._algorithm.epochs):
@@ -53,6 +59,11 @@ class Optimiser:
                 policy_losses.append(policy_loss)
                 value_losses.append(value_loss)
                 norms.append(norm)
+        if not self._network.flat.isfinite().all():
+            raise ConfigError(
+                "This round's update led to weights that are not finite, and is not kept: "
+                "start a new run with a lower ppo.learning_rate."
+            )
         return self._statistics(samples, [policy_losses, value_losses, norms])
 
     def _samples(self, batch: Batch) -> Samples:

@@ -74,6 +74,20 @@ def plot_run(folder: RunFolder, path: Path) -> None:
     save_figure(figure, path)
 
 
+def draw_curve(path: Path) -> Path | None:
+    """Draw `curve.png` into the folder of a run that is over, and return its path; None: it has no rounds.
+
+    Raises:
+        RunFolderError: if the picture cannot be written.
+
+    """
+    folder, picture = RunFolder.open(path), path / "curve.png"
+    if not folder.read_metrics():
+        return None
+    plot_run(folder, picture)
+    return picture
+
+
 def plot_runs(folders: Sequence[RunFolder], path: Path) -> None:
     """Draw several runs in one picture: a line per label, the mean of its runs, and their spread around it.
 

@@ -11,8 +11,6 @@ from taskschema.policies import PolicySnapshot, policy_of
 from taskschema.tasks.registry import task_of
 from taskschema.trajectory import Trajectory
 from taskschema_learner.learner import Learner
-from taskschema_learner.run_folder import RunFolder
-from taskschema_learner.run_policies import newest_policy
 from taskschema_worker.environments import environment_of
 from taskschema_worker.rollout import collect_slots
 
@@ -31,24 +29,12 @@ class RecomputedRound:
     """Hash of the policy after the round's update."""
 
 
-def published_trunk(folder: RunFolder) -> dict[str, Float32Array] | None:
-    """Return the published weights that a run's frozen trunk has, which its newest policy holds; or None.
-
-    Raises:
-        RunFolderError: if the run has no policy yet, or a damaged one.
-
-    """
-    if folder.config.image.vgg_sha256 is None:
-        return None
-    weights = newest_policy(folder).weights
-    return {name: array for name, array in weights.items() if name.startswith("trunk.")}
-
-
 def recompute(
     config: RunConfig,
     rounds: int,
     trunk: dict[str, Float32Array] | None = None,
     initial_policy: PolicySnapshot | None = None,
+    device: str = "cpu",
 ) -> Iterator[RecomputedRound]:
     """Train from the start as the run did and yield its first rounds one by one; arguments as of `Learner`.
 
@@ -60,7 +46,7 @@ def recompute(
 
     """
     task = task_of(config)
-    learner = Learner(config, task, trunk=trunk, initial_policy=initial_policy)
+    learner = Learner(config, task, device, trunk, initial_policy)
     with closing(environment_of(config, task, os.cpu_count() or 1)) as environment:
         for number in range(rounds):
             policy = policy_of(config, task, learner.snapshot())

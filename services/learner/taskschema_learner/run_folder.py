@@ -13,6 +13,8 @@ import filelock
 import msgspec
 
 from taskschema import __version__
+from taskschema.bus.keys import RunKeys
+from taskschema.bus.worker_info import AgentKind
 from taskschema.config import FORMAT_VERSION, RunConfig
 from taskschema.errors import ConfigError, RunFolderError
 from taskschema.metrics import RoundMetrics
@@ -20,12 +22,20 @@ from taskschema.schema import SchemaDocument
 
 INITIAL_POLICY = "initial_policy.safetensors"
 """File of the policy that a run started from, in its folder."""
+TRUNK = "trunk.safetensors"
+"""File of the published weights that a run's frozen trunk has, in its folder."""
+LOCK = "learner.lock"
+"""File that a run's learner holds locked."""
+LOCK_PATIENCE = 0.2
+"""A learner tries for so long to lock it [s]: who looks whether it is locked holds it for a moment."""
 
 
 class _ConfigFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     format_version: int
     taskschema_version: str
     config: RunConfig
+    agent: AgentKind | None = None
+    device: str | None = None
 
 
 class _AnyVersion(msgspec.Struct, frozen=True):
@@ -35,14 +45,18 @@ class _AnyVersion(msgspec.Struct, frozen=True):
 class RunFolder:
     """The files of one run; `create` or `open` makes one, `locked` guards it against a second learner."""
 
-    def __init__(self, path: Path, config: RunConfig) -> None:
+    def __init__(self, path: Path, config: RunConfig, agent: AgentKind | None, device: str | None) -> None:
         self.path = path
         self.config = config
+        self.agent = agent
+        """Who runs the episodes; None: the folder is from before this was written down."""
+        self.device = device
+        """torch device of the learner; None: the same."""
 
     @property
     def name(self) -> str:
-        """Name of the run: the folder's own."""
-        return self.path.name
+        """Name of the run: the folder's own, also where the path is `.`."""
+        return self.path.resolve().name
 
     @property
     def checkpoints(self) -> Path:
@@ -50,33 +64,58 @@ class RunFolder:
         return self.path / "checkpoints"
 
     @classmethod
-    def create(cls, path: Path, config: RunConfig, initial_policy: bytes | None = None) -> "RunFolder":
+    def create(
+        cls,
+        path: Path,
+        config: RunConfig,
+        initial_policy: bytes | None = None,
+        trunk: bytes | None = None,
+        agent: AgentKind = "simulation",
+        device: str = "cpu",
+    ) -> "RunFolder":
         """Make a new run's folder.
 
         Args:
             path: of the folder.
             config: of the run.
             initial_policy: the snapshot that the config says it starts from.
+            trunk: the published weights that the config names, as `run_policies.trunk_to_bytes` makes them.
+            agent: who runs the episodes.
+            device: torch device of the learner.
 
         Raises:
-            RunFolderError: if there is a run already, or the place cannot be written.
+            ConfigError: if the folder's name cannot be a run's.
+            RunFolderError: if a run is there, or is just being made, or the place cannot be written.
         """
-        if (path / "config.json").exists():
-            raise RunFolderError(
-                f"{path} already holds a run: continue it with --resume, or choose another --run-dir."
-            )
-        content = msgspec.json.format(
-            msgspec.json.encode(_ConfigFile(FORMAT_VERSION, __version__, config)), indent=2
-        )
+        folder = cls(path, config, agent, device)
+        RunKeys(folder.name)  # refuses a name before anything is written
+        folder._require_no_run()
+        content = _ConfigFile(FORMAT_VERSION, __version__, config, agent, device)
         try:
             path.mkdir(parents=True, exist_ok=True)
-            (path / "checkpoints").mkdir(exist_ok=True)
+            folder.checkpoints.mkdir(exist_ok=True)
         except OSError as error:
             raise RunFolderError(f"The run folder {path} cannot be made: {error.strerror}.") from None
-        if initial_policy is not None:
-            write_atomically(path / INITIAL_POLICY, initial_policy)
-        write_atomically(path / "config.json", content)
-        return cls(path, config)
+        with folder.locked():
+            folder._require_no_run()  # of two that begin at once, one is second
+            for name, data in ((INITIAL_POLICY, initial_policy), (TRUNK, trunk)):
+                if data is not None:
+                    write_atomically(path / name, data)
+            write_atomically(
+                path / "config.json", msgspec.json.format(msgspec.json.encode(content), indent=2)
+            )
+        return folder
+
+    def _require_no_run(self) -> None:
+        """Return if the folder holds no run.
+
+        Raises:
+            RunFolderError: if it does.
+        """
+        if (self.path / "config.json").exists():
+            raise RunFolderError(
+                f"{self.path} already holds a run: continue it with --resume, or choose another --run-dir."
+            )
 
     @classmethod
     def open(cls, path: Path) -> "RunFolder":
@@ -98,10 +137,10 @@ class RunFolder:
                     f"The run in {path} has format version {version}, this is for {FORMAT_VERSION}: "
                     "use the version of taskschema named in its config.json, or start a new run."
                 )
-            config = msgspec.json.decode(data, type=_ConfigFile).config
+            file = msgspec.json.decode(data, type=_ConfigFile)
         except (msgspec.MsgspecError, ConfigError, UnicodeDecodeError) as error:
             raise RunFolderError(f"The run in {path} has a damaged config.json: {error}.") from None
-        return cls(path, config)
+        return cls(path, file.config, file.agent, file.device)
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -110,7 +149,7 @@ class RunFolder:
         Raises:
             RunFolderError: if another learner holds it.
         """
-        lock = filelock.FileLock(self.path / "learner.lock", timeout=0)
+        lock = filelock.FileLock(self.path / LOCK, timeout=LOCK_PATIENCE)
         try:
             with lock:
                 yield
@@ -151,13 +190,22 @@ class RunFolder:
         Raises:
             RunFolderError: if it is gone.
         """
-        if self.config.initial_policy is None:
-            return None
+        return None if self.config.initial_policy is None else self._read_start(INITIAL_POLICY)
+
+    def read_trunk(self) -> bytes | None:
+        """Return the published weights of the frozen trunk; None: the run was made before folders kept them.
+
+        Raises:
+            RunFolderError: if they cannot be read.
+        """
+        return self._read_start(TRUNK) if (self.path / TRUNK).exists() else None
+
+    def _read_start(self, name: str) -> bytes:
         try:
-            return (self.path / INITIAL_POLICY).read_bytes()
+            return (self.path / name).read_bytes()
         except OSError as error:
             raise RunFolderError(
-                f"{self.path / INITIAL_POLICY}, which the run started from, cannot be read "
+                f"{self.path / name}, which the run started from, cannot be read "
                 f"({error.strerror}): restore it from a backup."
             ) from None
 

@@ -2,7 +2,7 @@
 
 from taskschema.errors import RunFolderError
 from taskschema.policies import PolicySnapshot
-from taskschema_learner.checkpoint import load_latest
+from taskschema_learner.checkpoint import Checkpoint, load_latest
 from taskschema_learner.run_folder import RunFolder
 
 _WEIGHTS = "weights."
@@ -18,6 +18,11 @@ def run_hash(folder: RunFolder) -> str:
     checkpoint = load_latest(folder.checkpoints)
     if checkpoint is None:
         raise RunFolderError(f"The run in {folder.path} has no checkpoint yet: train it first.")
+    return policy_hash(checkpoint)
+
+
+def policy_hash(checkpoint: Checkpoint) -> str:
+    """Return the SHA-256 over a checkpoint's weights and logits, in hexadecimal."""
     arrays = checkpoint.arrays
     weights = {name.removeprefix(_WEIGHTS): arrays[name] for name in arrays if name.startswith(_WEIGHTS)}
     return PolicySnapshot(checkpoint.round, weights, arrays["schema.logits"]).sha256

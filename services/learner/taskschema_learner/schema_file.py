@@ -6,19 +6,23 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 
 from taskschema import __version__
 from taskschema.config import RunConfig
 from taskschema.errors import RunFolderError, SignatureError
 from taskschema.schema import SchemaDocument
+from taskschema_learner.checkpoint import load_round
 from taskschema_learner.run_folder import RunFolder, write_atomically
-from taskschema_learner.run_hash import run_hash
+from taskschema_learner.run_hash import policy_hash
 from taskschema_learner.signing import is_signed_by, public_key_of, public_text
 
 SCHEMA_FILE_VERSION = 1
 MAX_SCHEMA_BYTES = 8 * 1024 * 1024
 """No schema file is larger: the largest of this project's, of 3 x 64 logits, has some 20 KiB."""
+TRIES = 10
+"""A schema is read that often, should the checkpoint that it came with be gone when that is read."""
 
 
 class Provenance(msgspec.Struct, frozen=True, kw_only=True):
@@ -31,7 +35,7 @@ class Provenance(msgspec.Struct, frozen=True, kw_only=True):
     policy_version: int
     """The number of updates behind it."""
     policy_sha256: str
-    """What `taskschema hash RUN` printed when it was exported: weights and logits."""
+    """Of that version's weights and logits, as `taskschema hash RUN` prints it."""
     taskschema_version: str
     exported_at: str
     """UTC, ISO 8601."""
@@ -63,13 +67,13 @@ def export_schema(folder: RunFolder, path: Path, key: Ed25519PrivateKey) -> Sche
     Raises:
         RunFolderError: if the run has none yet, it was changed, or the file cannot be written.
     """
-    schema = folder.read_schema()
+    schema, policy_sha256 = _schema_and_hash(folder)
     provenance = Provenance(
         run=folder.name,
         config=folder.config,
         config_hash=folder.config.config_hash,
         policy_version=schema.version,
-        policy_sha256=run_hash(folder),
+        policy_sha256=policy_sha256,
         taskschema_version=__version__,
         exported_at=datetime.now(UTC).isoformat(timespec="seconds"),
     )
@@ -84,6 +88,23 @@ def export_schema(folder: RunFolder, path: Path, key: Ed25519PrivateKey) -> Sche
     )
     write_atomically(path, msgspec.json.format(msgspec.json.encode(written), indent=1))
     return written
+
+
+def _schema_and_hash(folder: RunFolder) -> tuple[SchemaDocument, str]:
+    """Return the newest schema and the hash of its own version's policy; a learner may be writing newer ones.
+
+    Raises:
+        RunFolderError: if there is no schema, or no checkpoint of it.
+    """
+    for _ in range(TRIES):
+        schema = folder.read_schema()
+        checkpoint = load_round(folder.checkpoints, schema.version)
+        if checkpoint is not None and np.array_equal(checkpoint.arrays["schema.logits"], schema.logits):
+            return schema, policy_hash(checkpoint)
+    raise RunFolderError(
+        f"schema.json in {folder.path} is not that of a checkpoint there: "
+        "`taskschema train --resume` writes it again."
+    )
 
 
 def read_schema(path: Path, trusted: Ed25519PublicKey | None = None) -> SchemaDocument:

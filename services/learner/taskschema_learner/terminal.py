@@ -2,7 +2,6 @@
 
 import time
 from collections import deque
-from pathlib import Path
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -40,8 +39,6 @@ class TerminalObserver:
     def __init__(
         self, console: Console, log: RunLog, resume_command: str, policy: PolicyKind = "schema"
     ) -> None:
-        self.started = False
-        """Whether training began; before, nothing is in the run's folder but its config."""
         self._console = console
         self._log = log
         self._policy = policy
@@ -57,13 +54,11 @@ class TerminalObserver:
     def on_start(self, context: TrainingContext, rounds_done: int, progress: Progress) -> None:
         """Say what is trained, with what and where."""
         self._context = context
-        self.started = True
         self._log.write_to(context.folder)
         self._started = time.monotonic()
         self._ends.append((self._started, progress.episodes))
-        workers = f"{context.workers} workers" if context.workers else "in this process"
         self._say(f"Training {context.task.name}: {context.task.summary}")
-        self._say(f"Run folder: {context.folder} ({workers}); stops at {_goal(context)}.")
+        self._say(f"Run folder: {context.folder} ({_crew(context)}); stops at {_goal(context)}.")
         if context.api_url is not None:
             self._say(f"API: {context.api_url} (documentation: {context.api_url}/docs)")
         if context.api_token is not None and self._console.is_terminal:  # elsewhere it would be logged
@@ -107,7 +102,7 @@ class TerminalObserver:
             self._say(f"{found}: {_finding(self._context, best)}")
         self._say(f"Run folder: {self._context.folder}")
         if finished:
-            self._draw_curve(self._context.folder / "curve.png")
+            self._draw_curve()
         else:
             self._say(f"Continue with: {self._resume_command}")
 
@@ -121,14 +116,12 @@ class TerminalObserver:
         """Print a line; names of folders and the like are never cut in two."""
         self._console.print(text, soft_wrap=True, markup=False)
 
-    def _draw_curve(self, path: Path) -> None:
-        from taskschema_learner.plots import plot_run
-        from taskschema_learner.run_folder import RunFolder
+    def _draw_curve(self) -> None:
+        from taskschema_learner.plots import draw_curve
 
-        folder = RunFolder.open(self._context.folder)
-        if folder.read_metrics():
-            plot_run(folder, path)
-            self._say(f"Learning curve: {path}")
+        picture = draw_curve(self._context.folder)
+        if picture is not None:
+            self._say(f"Learning curve: {picture}")
 
     @property
     def episodes_per_second(self) -> float:
@@ -183,6 +176,16 @@ def _goal(context: TrainingContext) -> str:
     if limits.rounds is not None:
         goals.append(f"{limits.rounds} rounds")
     return " or ".join(goals) or "Ctrl-C"
+
+
+def _crew(context: TrainingContext) -> str:
+    if context.agent == "robot":
+        return f"waiting for `taskschema-robot run {context.folder}`"
+    if context.workers is None:
+        return "in this process"
+    if context.workers == 0:
+        return "0 workers asked for: `taskschema scale N`"
+    return f"{context.workers} workers"
 
 
 def _finding(context: TrainingContext, best: list[BestPair]) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 
 from taskschema.bus.learner_bus import LearnerBus
 from taskschema.bus.records import RunRecords
+from taskschema.bus.worker_info import AgentKind
 from taskschema.logs import bind
 from taskschema.metrics import RoundMetrics
 from taskschema.policies import PolicySnapshot
@@ -35,8 +36,10 @@ class TrainingContext:
     folder: Path
     task: Task
     limits: Limits
-    workers: int
-    """Rollout actors; 0: in this process."""
+    workers: int | None
+    """Rollout actors that are asked for; None: none are started, see `agent`."""
+    agent: AgentKind
+    """Who runs the episodes; `simulation` without actors: this process."""
     api_url: str | None
     """Where the HTTP API answers; None: nowhere."""
     api_token: str | None

@@ -11,7 +11,10 @@ from api_setup import TOKEN, document, metrics, snapshot
 from taskschema.config import RunConfig
 from taskschema.policies import PolicySnapshot
 from taskschema.schema import SchemaDocument
+from taskschema_learner.api.folder_source import FolderSource
+from taskschema_learner.api.problems import ConflictError
 from taskschema_learner.api.tokens import TOKEN_VARIABLE
+from taskschema_learner.folder_state import FINISH, mark_finished
 from taskschema_learner.run_folder import RunFolder
 
 NAME = "finished-run"
@@ -24,6 +27,7 @@ def folder(tmp_path_factory):
         folder.append_metrics(metrics(version))
     folder.write_schema(document(NAME, 2))
     folder.write_policy(snapshot(2).to_bytes())
+    mark_finished(folder, 2, "2 rounds are done")
     return folder
 
 
@@ -60,6 +64,7 @@ def test_schema_and_policy(url):
 def test_run_curve_workers_and_metrics(url):
     details = httpx.get(f"{url}/runs/{NAME}").json()
     assert (details["status"]["state"], details["status"]["version"]) == ("finished", 2)
+    assert details["status"]["message"] == "served from the run's folder: 2 rounds are done"
     assert details["config"]["seed"] == 5
     rows = httpx.get(f"{url}/runs/{NAME}/curve").json()["rounds"]
     assert [row["policy_version"] for row in rows] == [1, 2]
@@ -91,6 +96,28 @@ def test_a_finished_run_refuses_requests(url, request_):
     assert answer.status_code == 409
     assert answer.json()["detail"].startswith("This run is finished")
     assert httpx.put(f"{url}/workers", json={"target": 1}, headers=bearer).status_code == 409
+
+
+def test_a_run_that_is_not_finished_is_not_called_so(tmp_path):
+    folder = RunFolder.create(tmp_path / "run", RunConfig(task="toy"))
+    folder.append_metrics(metrics(1))
+    source = FolderSource(folder.path)
+    assert source.status("run").state == "stopped"
+    with pytest.raises(ConflictError, match="is stopped: continue it with"):
+        source.request("run", "pause")
+    mark_finished(folder, 1, "1 rounds are done")
+    with folder.locked():
+        assert source.status("run").state == "running"
+        with pytest.raises(ConflictError, match="send them to its own API"):
+            source.request("run", "stop")
+        with pytest.raises(ConflictError, match="send them to its own API"):
+            source.set_worker_target("run", 1)
+    assert source.status("run").state == "finished"
+    folder.append_metrics(metrics(2))
+    assert source.status("run").state == "stopped", "it went on after it had finished"
+    mark_finished(folder, 2, "2 rounds are done")
+    (folder.path / FINISH).write_bytes(b"damaged")
+    assert source.status("run").state == "stopped"
 
 
 def test_an_unknown_run(url):

@@ -61,9 +61,27 @@ def test_the_command_makes_replaces_and_revokes_while_the_api_runs(redis_url, se
         assert http.put("/workers", json={"target": 1}, headers=bearer(second)).status_code == 200
         make(file, "grafana", "--revoke")
         assert http.put("/workers", json={"target": 1}, headers=bearer(second)).status_code == 401
+        assert http.get("/metrics").status_code == 200
+        make(file, "grafana")
+        assert http.get("/metrics").status_code == 401, "taken up by a request without a token"
         file.write_text("damaged")
         assert http.put("/workers", json={"target": 1}, headers=bearer(second)).status_code == 401
+        assert http.get("/metrics").status_code == 401
         assert http.put("/workers", json={"target": None}, headers=bearer(TOKEN)).status_code == 200
+
+
+@pytest.mark.parametrize("scope", ["read", "control"])
+def test_reading_stays_guarded_while_the_file_cannot_be_read(tmp_path, scope):
+    file = tmp_path / "tokens.json"
+    token = make(file, "a", "--scope", scope)
+    tokens = Tokens((), file)
+    assert tokens.guards_reading == (scope == "read")
+    file.rename(tmp_path / "elsewhere")
+    assert tokens.guards_reading, "who was given a token since is unknown"
+    assert tokens.scopes_of(token) == frozenset()
+    (tmp_path / "elsewhere").rename(file)
+    assert tokens.guards_reading == (scope == "read")
+    assert tokens.scopes_of(token) == {scope}
 
 
 def test_a_token_ends(tmp_path):

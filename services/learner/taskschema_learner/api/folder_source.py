@@ -1,4 +1,4 @@
-"""A finished run, served from its folder."""
+"""A run, served from its folder."""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
@@ -15,9 +15,10 @@ from taskschema.errors import RunFolderError, UnknownNameError, WireError
 from taskschema.metrics import RoundMetrics
 from taskschema.policies import PolicySnapshot
 from taskschema_learner.api.problems import ConflictError, NotFoundError
+from taskschema_learner.folder_state import folder_state
 from taskschema_learner.run_folder import RunFolder
 
-_FINISHED = "This run is finished: continue it with `taskschema train --resume`."
+_TRAINING = "This run is training, and its folder takes no requests: send them to its own API."
 
 
 class FolderSource:
@@ -48,14 +49,16 @@ class FolderSource:
         return self._folder.config
 
     def status(self, run: str) -> RunStatus:
-        """Return that the run is finished, since when, and after how many rounds."""
+        """Return whether the run is training, finished or stopped, since when, and after how many rounds."""
         latest = self.latest(run)
+        version = 0 if latest is None else latest.policy_version
+        state, message = folder_state(self._folder, version)
         return RunStatus(
             run=run,
-            state="finished",
+            state=state,
             round=0 if latest is None else latest.round,
-            version=0 if latest is None else latest.policy_version,
-            message="served from the run's folder",
+            version=version,
+            message=f"served from the run's folder: {message}",
             started_at=_changed(self._folder.path / "config.json"),
             updated_at=_changed(self._folder.path / "metrics.csv"),
         )
@@ -115,14 +118,12 @@ class FolderSource:
         return None
 
     def set_worker_target(self, run: str, target: int | None) -> None:
-        """Refuse: a finished run has no workers."""
-        self._require(run)
-        raise ConflictError(_FINISHED)
+        """Refuse: a folder has no workers."""
+        raise self._refusal(run)
 
     def request(self, run: str, request: Request) -> None:
-        """Refuse: a finished run does nothing any more."""
-        self._require(run)
-        raise ConflictError(_FINISHED)
+        """Refuse: a folder does nothing."""
+        raise self._refusal(run)
 
     def counters(self, run: str) -> RunCounters:
         """Return what the rounds tell: nothing about workers is kept."""
@@ -132,6 +133,12 @@ class FolderSource:
         """Return no reasons: only their total is kept, in the last row of the curve."""
         self._require(run)
         return {}
+
+    def _refusal(self, run: str) -> ConflictError:
+        state = self.status(run).state
+        if state == "running":
+            return ConflictError(_TRAINING)
+        return ConflictError(f"This run is {state}: continue it with `taskschema train --resume`.")
 
     def _require(self, run: str) -> None:
         if run != self._folder.name:

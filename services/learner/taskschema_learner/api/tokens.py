@@ -72,6 +72,7 @@ class Tokens:
         self._file = file
         self._changed = 0
         self._stored: tuple[StoredToken, ...] = ()
+        self._is_lost = False
         self._refresh()
 
     @classmethod
@@ -88,8 +89,9 @@ class Tokens:
 
     @property
     def guards_reading(self) -> bool:
-        """Whether somebody was given a token to read with: then nobody reads without one."""
-        return any(
+        """Whether somebody may have been given a token to read with: then nobody reads without one."""
+        self._refresh()
+        return self._is_lost or any(
             "read" in token.scopes and token.name != TOKEN_VARIABLE for token in (*self._given, *self._stored)
         )
 
@@ -111,13 +113,13 @@ class Tokens:
             return
         try:
             changed = self._file.stat().st_mtime_ns
-            if changed != self._changed:
+            if changed != self._changed or self._is_lost:
                 self._stored = read_tokens(self._file).tokens
-                self._changed = changed
+                self._changed, self._is_lost = changed, False
         except (OSError, ConfigError) as error:
             if self._changed == 0:
                 raise ConfigError(f"The tokens in {self._file} cannot be read: {error}") from None
-            self._stored = ()  # a file that is gone or damaged lets nobody in
+            self._stored, self._is_lost = (), True  # a file that is gone or damaged lets nobody in
 
 
 def read_tokens(path: Path) -> TokensFile:

@@ -44,7 +44,7 @@ def verify(
     """Compute a run again from its config and seed and compare the policies' hashes round by round.
 
     Takes about as long as the training did with as many workers as there are cores. The exit status is 1
-    if a round differs.
+    if a round differs. A robot's run cannot be computed again.
     """
     from rich.console import Console
     from rich.progress import MofNCompleteColumn, Progress
@@ -67,8 +67,7 @@ def verify(
     else:
         print(
             f"Round {found.first_difference} of {found.run} differs: recorded {found.recorded_sha256}, "
-            f"computed {found.computed_sha256}. Bits are the same only with the same lock file and the same "
-            "kind of processor."
+            f"computed {found.computed_sha256}. {verification.SAME_BITS}"
         )
     if not found.same:
         raise typer.Exit(1)
@@ -81,18 +80,19 @@ def export(
     mean: Annotated[bool, typer.Option("--mean", help="Mean actions instead of sampled ones.")] = False,
     rounds: Annotated[
         int | None,
-        typer.Option(min=1, help="Export the training episodes of the first rounds instead."),
+        typer.Option(min=1, help="Export the training episodes of the first rounds instead, at most all."),
     ] = None,
 ) -> None:
     """Write trajectories to a file for analysis.
 
     A run does not keep its trajectories. By default the newest policy is run on held-out instances; with
     --rounds the run's training is computed again from its config and seed, which gives the very episodes
-    that it was trained on.
+    that it was trained on: hashes are compared. A robot's run cannot be computed again.
     """
     from taskschema.tasks.registry import task_of
-    from taskschema_learner.export import write_trajectories
+    from taskschema_learner.export import require_format, write_trajectories
 
+    require_format(output)
     folder = find_run(run)
     if rounds is None:
         from taskschema_learner.evaluation import held_out_episodes
@@ -101,11 +101,10 @@ def export(
         trajectories = held_out_episodes(folder, newest_policy(folder), episodes, mean=mean)
         source = "held-out episodes of the newest policy"
     else:
-        from taskschema_learner.recomputation import published_trunk, recompute
-        from taskschema_learner.run_policies import initial_policy_of
+        from taskschema_learner.verification import training_episodes
 
-        again = recompute(folder.config, rounds, published_trunk(folder), initial_policy_of(folder))
-        trajectories = [item for each in again for item in each.trajectories]
-        source = f"training episodes of the first {rounds} rounds, computed again"
+        trajectories = training_episodes(folder, rounds)
+        done = trajectories[-1].round + 1
+        source = f"training episodes of the first {done} rounds, computed again"
     write_trajectories(output, task_of(folder.config), trajectories, folder.config.observation)
     print(f"{output}: {len(trajectories)} {source}")

@@ -46,9 +46,12 @@ def experiment(
         typer.Option(min=1, help="Seeds 0 to N - 1 of every task and policy. Default: 5; of images-sim, 3."),
     ] = None,
     schemas: Annotated[
-        Path,
-        typer.Option(help="Of images-sim: folder of TASK.json, the schemas learned from states."),
-    ] = Path("schemas"),
+        Path | None,
+        typer.Option(
+            help="Of images-sim: folder of TASK.json, the schemas learned from states. "
+            "Default: schemas in the folder of the results."
+        ),
+    ] = None,
     budget: Annotated[
         int | None,
         typer.Option(
@@ -97,10 +100,10 @@ def experiment(
     from taskschema_learner.experiment.experiment import run_experiment
     from taskschema_learner.experiment.recipe import ImagesSim, PaperSim
 
-    recipe = ImagesSim(schemas) if name == "images-sim" else PaperSim()
+    out = out or Path("results") / name
+    recipe = ImagesSim(schemas or out / "schemas") if name == "images-sim" else PaperSim()
     plan = Plan(task_list, kinds, seeds or default_seeds, budget or default_budget, baseline_budget)
     command = shlex.join(["taskschema", *sys.argv[1:]])
-    out = out or Path("results") / name
     runs = runs_dir or Path("runs") / name
     if run_experiment(name, plan, recipe, out, runs, workers, command):
         print(f"All cells are done: {out / 'README.md'}")

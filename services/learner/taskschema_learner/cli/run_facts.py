@@ -10,6 +10,7 @@ from taskschema_learner.cli.output import Json, RunReference, print_json
 from taskschema_learner.cli.run_reference import find_run
 
 if TYPE_CHECKING:
+    from taskschema.schema import SchemaDocument
     from taskschema_learner.run_folder import RunFolder
 
 
@@ -43,9 +44,7 @@ def schema(
     from taskschema_learner.schema_table import schema_table
 
     folder = find_run(run)
-    document = folder.read_schema()
-    if export is not None:
-        _export(folder, export)
+    document = folder.read_schema() if export is None else _export(folder, export)
     if as_json:
         print_json(document)
         return
@@ -60,8 +59,8 @@ def schema(
         print("\n".join(explain(task, comparison)))
 
 
-def _export(folder: "RunFolder", path: Path) -> None:
-    """Write the signed file and say, beside what a program may read, whose signature it is."""
+def _export(folder: "RunFolder", path: Path) -> "SchemaDocument":
+    """Write the signed file, say on standard error whose signature it is, and return its schema."""
     from taskschema_learner.schema_file import export_schema
     from taskschema_learner.signing import PUBLIC_SUFFIX, key_path, owner_key
 
@@ -71,6 +70,7 @@ def _export(folder: "RunFolder", path: Path) -> None:
         f"{key_path()}{PUBLIC_SUFFIX}.",
         file=sys.stderr,
     )
+    return written.schema
 
 
 def print_hash(run: RunReference) -> None:

@@ -23,6 +23,11 @@ def find_run(reference: str) -> RunFolder:
     raise UnknownNameError("run", reference, [path.name for path in known_runs()])
 
 
+def run_name(reference: str) -> str:
+    """Return the name of a run that is given by its folder or its name, wherever it is."""
+    return Path(reference).resolve().name
+
+
 def known_runs() -> list[Path]:
     """Return the folders of the runs below `runs/`."""
     return sorted(path.parent for path in RUNS.glob("*/config.json"))

@@ -5,7 +5,7 @@ from pathlib import Path
 from taskschema.bus.connection import connect
 from taskschema.bus.records import RunRecords
 from taskschema.errors import BusError, ConfigError, RunFolderError, UnknownNameError
-from taskschema_learner.cli.run_reference import find_run, known_runs
+from taskschema_learner.cli.run_reference import find_run, known_runs, run_name
 
 
 def find_running(run: str | None, redis_url: str | None) -> tuple[RunRecords, str]:
@@ -23,7 +23,7 @@ def find_running(run: str | None, redis_url: str | None) -> tuple[RunRecords, st
         records = RunRecords(connect(redis_url))
         return records, _only(records.runs() if run is None else [_known(run, records.runs())])
     folders = [find_run(run).path] if run is not None else known_runs()
-    servers = {folder.name: _embedded(folder) for folder in folders}
+    servers = {folder.resolve().name: _embedded(folder) for folder in folders}
     found = {name: records for name, records in servers.items() if records is not None}
     name = _only(list(found))
     return found[name], name
@@ -45,7 +45,7 @@ def _embedded(folder: Path) -> RunRecords | None:
 
 
 def _known(run: str, names: list[str]) -> str:
-    name = Path(run).name
+    name = run_name(run)
     if name not in names:
         raise UnknownNameError("run", name, names)
     return name

@@ -1,13 +1,12 @@
 """`taskschema serve`: the HTTP API over a run's folder."""
 
 import os
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from taskschema_learner.cli.output import RunReference
-from taskschema_learner.cli.run_reference import find_run
+from taskschema_learner.cli.run_reference import find_run, run_name
 from taskschema_learner.cli.train_options import ApiTlsCert, ApiTlsKey
 
 
@@ -49,5 +48,5 @@ def serve(
         options += ["--folder", str(find_run(run).path)]
     else:
         os.environ[REDIS_VARIABLE] = redis  # where the API's own command looks for it
-        options += ["--run", Path(run).name]
+        options += ["--run", run_name(run)]
     raise typer.Exit(command.main(options))

@@ -1,8 +1,8 @@
 """`taskschema train`: learn a task."""
 
+import inspect
 import os
 import shlex
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast, get_args
@@ -62,7 +62,7 @@ def train(
     from taskschema.errors import ConfigError
     from taskschema_learner.api.transport import Tls
     from taskschema_learner.cli.image_options import first_weights_sentence, read_trunk, with_image_options
-    from taskschema_learner.cli.transfer import with_initial_policy
+    from taskschema_learner.cli.transfer import require_useful_schema, with_initial_policy
 
     if ray is not None and redis is None:
         raise ConfigError("--ray needs --redis: a cluster's workers cannot reach the Redis inside this run.")
@@ -74,12 +74,16 @@ def train(
     if resume:
         folder = _run_to_resume(run_dir, task, task_file, policy, seed)
         run_dir, config = folder.path, folder.config
+        agent = given.get("agent", folder.agent or agent)
+        device = given.get("device", folder.device or device)
     else:
         config = _new_config(task, task_file, agent)
     tls = Tls.of(api_tls_cert, api_tls_key)
     first_trunk = read_trunk(vgg_weights)
     config = with_image_options(_with_options(config, given), given, first_trunk)
     _require_useful_gate(config, agent)
+    if not resume:  # runs of earlier versions go on as they are
+        require_useful_schema(config)
     if config.observation == "image" and not resume:
         print(first_weights_sentence(config, vgg_weights))
 
@@ -199,6 +203,8 @@ def _with_options(config: "RunConfig", given: Mapping[str, Any]) -> "RunConfig":
         field, separator, value = text.partition("=")
         if not separator:
             raise ConfigError(f"--set takes FIELD=VALUE, such as ppo.learning_rate=0.005; got {text!r}.")
+        if field == "image.vgg_sha256":
+            raise ConfigError("image.vgg_sha256 is not for --set: --vgg-weights FILE writes it.")
         assignments[field] = value
     return override(changed, assignments)
 
@@ -224,7 +230,6 @@ def _require_useful_gate(config: "RunConfig", agent: str) -> None:
 def _run(options: "TrainOptions", log_kind: str) -> None:
     from rich.console import Console
 
-    from taskschema.errors import TaskschemaError
     from taskschema.logs import FORMAT_VARIABLE, log_format
     from taskschema_learner.composition import run_training
     from taskschema_learner.log_observer import LogObserver
@@ -233,34 +238,40 @@ def _run(options: "TrainOptions", log_kind: str) -> None:
 
     kind = log_format(log_kind)
     os.environ[FORMAT_VARIABLE] = kind  # for the workers that are started here
-    is_new = not options.run_dir.exists()
     console = Console(highlight=False)
     run_log = RunLog(console, kind)
-    again = _resume_command(options)
+    again = _resume_command(options, kind)
     observer: LogObserver | TerminalObserver = LogObserver(run_log, again)
     if kind == "text":
         observer = TerminalObserver(console, run_log, again, options.config.policy)
     try:
         run_training(options, observer)
-    except TaskschemaError:
-        if is_new and not observer.started:  # nothing is in it yet but its config
-            shutil.rmtree(options.run_dir, ignore_errors=True)
-        raise
     finally:
         observer.close()
 
 
-def _resume_command(options: "TrainOptions") -> str:
-    """Return what goes on with the run; secrets in the Redis URL are left for the person to fill in."""
+def _resume_command(options: "TrainOptions", log_kind: str) -> str:
+    """Return what goes on with the run in the same way: with every option that is not its default.
+
+    Secrets in the Redis URL are left for the person to fill in.
+    """
+    tls = options.api_tls
+    values = {
+        "until_success": options.limits.until_success or 0,
+        "rounds": options.limits.rounds,
+        "agent": options.agent,
+        "workers": options.workers,
+        "redis": "URL" if "@" in (options.redis or "") else options.redis,
+        "ray": options.ray,
+        "device": options.device,
+        "api": options.api or "none",
+        "api_tls_cert": None if tls is None else tls.certificate,
+        "api_tls_key": None if tls is None else tls.key,
+        "log_format": log_kind,
+    }
+    defaults = inspect.signature(train).parameters
     words = ["taskschema", "train", "--resume", "--run-dir", str(options.run_dir)]
-    if options.agent != "simulation":
-        words += ["--agent", options.agent]
-    if options.workers is not None:
-        words += ["--workers", str(options.workers)]
-    if options.redis is not None:
-        words += ["--redis", options.redis if "@" not in options.redis else "URL"]
-    if options.ray is not None:
-        words += ["--ray", options.ray]
-    if options.api is None:
-        words += ["--api", "none"]
+    for name, value in values.items():
+        if value != defaults[name].default:
+            words += [f"--{name.replace('_', '-')}", str(value)]
     return shlex.join(words)

@@ -15,11 +15,11 @@ def initial_logits(
     """Return the logits of a schema file, or of a run.
 
     Raises:
-        TaskschemaError: if there is none, it does not fit the task, or the owner of a configured public key
-            did not sign it.
+        TaskschemaError: if there is none, it does not fit the task, all skills are equally probable in it, or
+            the owner of a configured public key did not sign it.
 
     """
-    from taskschema.errors import SignatureError
+    from taskschema.errors import ConfigError, SignatureError
     from taskschema.schema import logits_from_document
     from taskschema.tasks.registry import task_of
     from taskschema_learner.cli.run_reference import find_run
@@ -39,7 +39,31 @@ def initial_logits(
             )
         document = folder.read_schema()
     task = task_of(config)
-    return tuple(map(tuple, logits_from_document(document, task.pairs, task.horizon).tolist()))
+    logits = logits_from_document(document, task.pairs, task.horizon)
+    if (logits == logits[:, :1]).all():
+        raise ConfigError(
+            f"{reference} has no schema to start from: all skills are equally probable in it, as after "
+            "--policy state."
+        )
+    return tuple(map(tuple, logits.tolist()))
+
+
+def require_useful_schema(config: "RunConfig") -> None:
+    """Refuse a schema to start from, or to freeze, where nothing would come of it.
+
+    Raises:
+        ConfigError: that says so.
+
+    """
+    from taskschema.errors import ConfigError
+
+    schema = config.schema
+    if config.policy != "schema" and (schema.frozen or schema.initial_logits is not None):
+        raise ConfigError(
+            f"--init-schema and --freeze-schema are for --policy schema: {config.policy} learns no schema."
+        )
+    if schema.frozen and schema.initial_logits is None:
+        raise ConfigError("--freeze-schema needs --init-schema: it would freeze a schema that says nothing.")
 
 
 def with_initial_policy(

@@ -134,7 +134,8 @@ class Experiment:
         self._summary = msgspec.structs.replace(self._summary, cells=tuple(known))
         self._folder.write(self._summary)
         if known:
-            write_atomically(self._folder.path / "README.md", report(self._summary).encode())
+            page = report(self._summary, self._folder.remarks())
+            write_atomically(self._folder.path / "README.md", page.encode())
             draw_figure(self._folder, self._summary, self._folder.path / FIGURE)
 
 

@@ -20,6 +20,8 @@ CURVE_ROWS = 300
 """Most rows of a cell's table."""
 HELD_OUT_EPISODES = 200
 """Episodes that a solved cell's policy is measured on."""
+SOURCES = ("shared", "services")
+"""Folders of the source tree that results depend on."""
 
 
 def measure(folder: RunFolder, cell: Cell, budget: int) -> CellResult | None:
@@ -94,9 +96,15 @@ def thinned_curve(rows: Sequence[RoundMetrics]) -> list[tuple[int, float]]:
 
 
 def source_commit() -> str:
-    """Return the short commit of the source tree that runs, `+` behind it if files differ; else nothing."""
-    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty=+", "--exclude=*"]
+    """Return the short commit of the source tree that runs, `+` behind it if code differs; else nothing."""
     try:
-        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=30).stdout.strip()
+        commit, root = _git("rev-parse", "--short", "HEAD"), _git("rev-parse", "--show-toplevel")
+        changed = _git("status", "--porcelain", "--", *(f"{root}/{folder}" for folder in SOURCES))
     except (OSError, subprocess.SubprocessError):
         return ""
+    return f"{commit}+" if changed else commit
+
+
+def _git(*words: str) -> str:
+    command = ["git", "-C", str(Path(__file__).parent), *words]
+    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=30).stdout.strip()

@@ -67,6 +67,10 @@ class Plan:
         return max(math.ceil(own), self.baseline_budget)
 
 
+WHOLE = {"paper-sim": Plan(), "images-sim": Plan(policies=("transferred", "re-learned"), budget=40_000)}
+"""All cells that an experiment has, whatever part of them is trained at a time."""
+
+
 def is_done(result: CellResult | None, budget: int) -> bool:
     """Whether a cell needs no more training: it is solved, or has spent this budget."""
     return result is not None and (result.state == "solved" or result.episodes >= budget)

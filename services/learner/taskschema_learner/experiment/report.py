@@ -5,7 +5,9 @@ from statistics import median
 
 from taskschema.tasks.registry import get_task
 from taskschema.tasks.task import GOOD_SHARE
-from taskschema_learner.experiment.cell import CellResult
+from taskschema_learner.experiment.aims import aims_table
+from taskschema_learner.experiment.cell import Cell, CellResult
+from taskschema_learner.experiment.plan import PAPER_TASKS, WHOLE
 from taskschema_learner.experiment.results_folder import Summary
 from taskschema_learner.schema_report import SchemaVerdict, has_good_set, schema_words
 
@@ -24,8 +26,12 @@ SETTINGS = {
 """What the cells are, of experiments other than with the defaults."""
 
 
-def report(summary: Summary) -> str:
+def report(summary: Summary, remarks: str = "") -> str:
     """Return the page in Markdown.
+
+    Args:
+        summary: of the experiment.
+        remarks: what its figures do not say by themselves, in Markdown.
 
     Raises:
         TaskschemaError: if a cell's task is not there any more.
@@ -46,6 +52,9 @@ def report(summary: Summary) -> str:
         "![learning curves](figure.png)",
         "",
         *_episodes_table(summary.cells),
+        *_open_cells(summary),
+        *aims_table(summary.cells),
+        *([remarks.rstrip(), ""] if remarks else []),
         *_schema_table(summary.cells),
         *_cell_table(summary.cells),
     ]
@@ -113,6 +122,29 @@ def _ratio(own: tuple[float, bool] | None, reference: tuple[float, bool] | None)
     if own is None or reference is None or not reference[1]:
         return "-"
     return f"{'' if own[1] else 'more than '}{own[0] / reference[0]:.2g}"
+
+
+def _open_cells(summary: Summary) -> list[str]:
+    """Return which cells of the whole experiment are not over, and how far they are."""
+    if not any(result.task in PAPER_TASKS for result in summary.cells):
+        return []
+    known = {result.cell: result for result in summary.cells}
+    open_seeds: dict[tuple[str, str], list[str]] = {}
+    for cell in sorted(WHOLE[summary.experiment].cells(), key=_place):
+        result = known.get(cell)
+        if result is None or not result.is_over:
+            so_far = "" if result is None else f" (at {result.episodes:,} episodes)"
+            open_seeds.setdefault((cell.task, cell.policy), []).append(f"{cell.seed}{so_far}")
+    if not open_seeds:
+        return ["Every cell of the experiment was trained to its end.", ""]
+    lines = [
+        f"- {task}, `{policy}`: seeds {', '.join(seeds)}" for (task, policy), seeds in open_seeds.items()
+    ]
+    return ["Not trained to their end, for want of time; the command goes on with them:", "", *lines, ""]
+
+
+def _place(cell: Cell) -> tuple[int, int, int]:
+    return PAPER_TASKS.index(cell.task), POLICIES.index(cell.policy), cell.seed
 
 
 def _schema_table(cells: Sequence[CellResult]) -> list[str]:

@@ -13,6 +13,8 @@ from taskschema_learner.experiment.cell import Cell, CellResult
 from taskschema_learner.run_folder import write_atomically
 
 SUMMARY = "summary.json"
+REMARKS = "remarks.md"
+"""What a person adds to the page: reasons that the figures do not give by themselves."""
 HEADER = ("episodes", "success_last_100")
 
 
@@ -84,6 +86,19 @@ class ResultsFolder:
                 f"{self.path} holds the results of {summary.experiment}: choose another --out."
             )
         return summary
+
+    def remarks(self) -> str:
+        """Return what a person added to the page; nothing if nobody did.
+
+        Raises:
+            ExperimentError: if it cannot be read.
+
+        """
+        path = self.path / REMARKS
+        try:
+            return path.read_text(encoding="utf-8") if path.exists() else ""
+        except (OSError, ValueError) as error:
+            raise ExperimentError(f"{path} cannot be read: {error}.") from None
 
     def write(self, summary: Summary) -> None:
         """Replace the summary."""
