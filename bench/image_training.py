@@ -1,7 +1,8 @@
 """Skill steps a second of trainings on images: `python -m bench.image_training`.
 
 `taskschema train lateral-lifting --observation image` with the schema given, as a user starts it, with Redis,
-Ray and some workers on this machine's cores: wall time of whole rounds, from the second one on.
+Ray and some workers on this machine's cores: wall time of whole rounds, from the second one on. `--write`
+brings the table into docs/train-from-images.md.
 """
 
 import argparse
@@ -10,10 +11,13 @@ import sys
 import tempfile
 from pathlib import Path
 
+from bench.entry import today
+from bench.images import PAGE, publish
 from taskschema.metrics import RoundMetrics
 from taskschema_learner.machine import machine
 from taskschema_learner.run_folder import RunFolder
 
+BEGIN = "<!-- measured: written by python -m bench.image_training -->"
 TASK = "lateral-lifting"
 
 
@@ -48,12 +52,15 @@ def main() -> None:
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--slots", type=int, default=50)
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--write", action="store_true", help=f"bring the table into {PAGE.name}")
     options = parser.parse_args()
-    print(f"On {machine()}, wall time, {options.rounds} rounds of {options.slots} slots.\n")
-    print("| workers | skill steps a second | s a round | collecting | learning | checkpoint |")
-    print("|---|---|---|---|---|---|")
+    lines = [f"{today()}, on {machine()}, wall time of {options.rounds} rounds of {options.slots} slots.", ""]
+    lines += ["| workers | skill steps a second | s a round | collecting | learning | checkpoint |"]
+    lines += ["|---|---|---|---|---|---|"]
     for workers in options.workers:
-        print(row(workers, train(workers, options.slots, options.rounds)), flush=True)
+        print(f"Training with {workers} workers ...", flush=True)
+        lines.append(row(workers, train(workers, options.slots, options.rounds)))
+    publish("\n".join(lines), BEGIN, write=options.write)
 
 
 if __name__ == "__main__":

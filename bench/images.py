@@ -2,7 +2,7 @@
 
 On lateral lifting, with the schema given: rounds on images that one worker and the learner make after one
 another, over a Redis of their own, each part timed by itself. `python -m bench.image_training` measures whole
-trainings, where workers share the cores.
+trainings, where workers share the cores. `--write` brings the figures into docs/train-from-images.md.
 """
 
 import argparse
@@ -19,6 +19,8 @@ import numpy as np
 import torch
 from threadpoolctl import threadpool_limits
 
+from bench.entry import today
+from bench.report import with_section
 from taskschema.bus.admission import SlotResult
 from taskschema.bus.connection import connect
 from taskschema.bus.learner_bus import LearnerBus
@@ -37,6 +39,8 @@ from taskschema_learner.spatial_network import SpatialNetwork
 from taskschema_worker.seen_scene_environment import SeenSceneEnvironment
 from taskschema_worker.worker import Worker
 
+PAGE = Path(__file__).parents[1] / "docs" / "train-from-images.md"
+BEGIN = "<!-- measured: written by python -m bench.images -->"
 RUN = "bench"
 TASK = LateralLifting()
 RENDERING, ACTING, RUNNING, SENDING = "rendering", "acting", "running", "sending"
@@ -82,8 +86,8 @@ class Spent:
         return patch.object(owner, name, counted)
 
 
-def rounds(slots: int, count: int) -> None:
-    """Print how the time of some rounds on images is spent."""
+def rounds(slots: int, count: int) -> list[str]:
+    """Return lines that say how the time of some rounds on images is spent."""
     config = RunConfig(task=TASK.name, policy="oracle", observation="image", slots=slots)
     spent, steps, message_bytes = Spent(), 0, []
     with ExitStack() as stack:
@@ -112,28 +116,34 @@ def rounds(slots: int, count: int) -> None:
             bus.trim(number)
             steps += sum(map(len, trajectories))
             message_bytes += [len(encode_slot(result.trajectories)) for result in results]
-    _print_rounds(spent, steps)
+    return [*_tables(spent, steps), "", *_sending(spent, message_bytes)]
+
+
+def _sending(spent: Spent, message_bytes: list[int]) -> list[str]:
     sending, running, collecting = (spent.wall[part] for part in (SENDING, RUNNING, COLLECTING))
     milliseconds = 1e3 * sending / len(message_bytes)
-    print(f"\na slot has {np.mean(message_bytes) / 1e6:.2f} MB and takes {milliseconds:.1f} ms to send:")
-    print(f"{sending / (running + sending):.1%} of a worker's wall time, if it had to wait for that")
-    print(f"leasing and waiting, as it is: {1 - running / collecting:.1%} of a worker's wall time\n")
+    return [
+        f"A slot has {np.mean(message_bytes) / 1e6:.2f} MB and takes {milliseconds:.1f} ms to send: "
+        f"{sending / (running + sending):.1%} of a worker's wall time,",
+        f"if it had to wait for that. Leasing and waiting, as it is: {1 - running / collecting:.1%}.",
+    ]
 
 
-def _print_rounds(spent: Spent, steps: int) -> None:
-    """Print rates and shares; every step has one frame, which is seen once to act."""
-    table = {
+def _tables(spent: Spent, steps: int) -> list[str]:
+    """Return rates and shares; every step has one frame, which is seen once to act."""
+    rates = {
         "overhead frames rendered": [steps / clock[RENDERING] for clock in spent.clocks],
         "passes of the small trunk to act": [steps / clock[ACTING] for clock in spent.clocks],
         "skill steps from images, with learning": [steps / sum(_parts(clock)) for clock in spent.clocks],
     }
-    print("| a second | of wall time | of processor time |\n|---|---|---|")
-    for name, (wall, processor) in table.items():
-        print(f"| {name} | {wall:.1f} | {processor:.1f} |")
-    print("\n| share | of wall time | of processor time |\n|---|---|---|")
+    lines = ["| a second | of wall time | of processor time |", "|---|---|---|"]
+    lines += [f"| {name} | {wall:.1f} | {processor:.1f} |" for name, (wall, processor) in rates.items()]
+    lines += ["", "| share | of wall time | of processor time |", "|---|---|---|"]
     shares = [[part / sum(_parts(clock)) for part in _parts(clock)] for clock in spent.clocks]
-    for name, wall, processor in zip(PARTS, *shares, strict=True):
-        print(f"| {name} | {wall:.1%} | {processor:.1%} |")
+    return lines + [
+        f"| {name} | {wall:.1%} | {processor:.1%} |"
+        for name, wall, processor in zip(PARTS, *shares, strict=True)
+    ]
 
 
 def _parts(clock: dict[str, float]) -> list[float]:
@@ -143,8 +153,8 @@ def _parts(clock: dict[str, float]) -> list[float]:
     return [clock[RENDERING], clock[ACTING], simulation, waiting, clock[TAKING_IN], clock[LEARNING]]
 
 
-def frozen_trunk(frames: int) -> None:
-    """Print passes of the frozen trunk, and what an epoch on its cached maps costs against running it."""
+def frozen_trunk(frames: int) -> list[str]:
+    """Return lines on passes of the frozen trunk, and on an epoch on its cached maps against running it."""
     config = RunConfig(task=TASK.name, observation="image", image=ImageConfig(trunk="vgg16"))
     weights = initial_spatial_weights(round_generator(0, 0, Purpose.INITIAL_WEIGHTS), config, TASK)
     network = SpatialNetwork(TASK, config.image)
@@ -164,24 +174,37 @@ def frozen_trunk(frames: int) -> None:
         loss = evaluation.mean.square().mean() + evaluation.response.square().mean()
         torch.autograd.grad(loss, network.flat)
     clock = spent.processor
-    print(f"passes of VGG16's trunk to act: {frames / clock['act']:.2f} per second of processor time")
-    print(f"passes of VGG16's trunk to learn: {frames / clock['learn']:.2f} per second of processor time")
-    print(f"an epoch on cached features: {clock['epoch'] / clock['learn']:.1%} of running the trunk")
+    return [
+        "",
+        f"Passes of VGG16's trunk a second of processor time: {frames / clock['act']:.2f} to act, in numpy, "
+        f"{frames / clock['learn']:.2f} to learn. An epoch",
+        f"of PPO on its cached maps takes {clock['epoch'] / clock['learn']:.1%} of the time of running it.",
+    ]
 
 
 def main() -> None:
     """Measure with products on one thread; other work on the machine changes the wall time alone."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--slots", type=int, default=10)
-    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--slots", type=int, default=25)
+    parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--frames", type=int, default=8, help="that VGG16 sees; 0: leave it out")
+    parser.add_argument("--write", action="store_true", help=f"bring the figures into {PAGE.name}")
     options = parser.parse_args()
-    print(f"On {machine()}, products on one thread.\n")
+    size = f"{options.rounds} rounds of {options.slots} slots"
     with threadpool_limits(limits=1):
         torch.set_num_threads(1)
-        rounds(options.slots, options.rounds)
+        lines = [f"{today()}, on {machine()}, products on one thread; {size}.", ""]
+        lines += rounds(options.slots, options.rounds)
         if options.frames:
-            frozen_trunk(options.frames)
+            lines += frozen_trunk(options.frames)
+    publish("\n".join(lines), BEGIN, write=options.write)
+
+
+def publish(text: str, begin: str, *, write: bool) -> None:
+    """Print a section of the page, and if wanted write it between its marks there."""
+    print(text)
+    if write:
+        PAGE.write_text(with_section(PAGE.read_text(encoding="utf-8"), text, begin), encoding="utf-8")
 
 
 if __name__ == "__main__":
