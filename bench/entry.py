@@ -1,8 +1,14 @@
 """One measured figure, beside its target."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
 from statistics import median
+
+
+def today() -> str:
+    """Return the day in UTC, such as 2026-01-31."""
+    return datetime.now(UTC).date().isoformat()
 
 
 @dataclass(frozen=True)
@@ -18,6 +24,8 @@ class Entry:
     """`higher` or `lower`."""
     spread: float
     """Largest minus smallest of the repeats."""
+    measured: str = field(default_factory=today)
+    """Day, in UTC."""
 
     @classmethod
     def of(

@@ -51,9 +51,14 @@ class RandomArguments:
         arguments = pairs.to_si(normalised)
         if not self.on_table:
             return arguments
-        anchors = self.task.observation.get(observations, "object.position").astype(np.float64)
-        anchors[:, 2] = self.task.pose_height * self.task.observation.get(observations, "object.size")[:, 2]
-        return offset_arguments(self.task, arguments, anchors)
+        return offset_arguments(self.task, arguments, anchors_of(self.task, observations))
+
+
+def anchors_of(task: SceneTask, observations: FloatArray) -> FloatArray:
+    """Return [N, 3] what offsets are counted from: the object's place, and the height of poses."""
+    anchors = task.observation.get(observations, "object.position").astype(np.float64)
+    anchors[:, 2] = task.pose_height * task.observation.get(observations, "object.size")[:, 2]
+    return anchors
 
 
 KINDS = {

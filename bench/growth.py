@@ -6,6 +6,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from bench.entry import today
 from taskschema_learner.machine import machine
 
 FILE = Path(__file__).with_name("growth.json")
@@ -70,6 +71,8 @@ class Growth(msgspec.Struct, frozen=True):
     parts: Parts | None = None
     presence: Presence | None = None
     containers: Containers | None = None
+    days: dict[str, str] = {}
+    """When each of them was measured."""
 
 
 class Cluster(msgspec.Struct, frozen=True):
@@ -90,7 +93,8 @@ def read(path: Path = FILE) -> Growth:
 def write(path: Path = FILE, **changes: object) -> None:
     """Change some of what is measured and keep the rest."""
     before = read(path) if path.exists() else Growth("")
-    changed = msgspec.structs.replace(before, machine=machine(), **changes)
+    days = before.days | dict.fromkeys(changes, today())
+    changed = msgspec.structs.replace(before, machine=machine(), days=days, **changes)
     data = msgspec.to_builtins(changed, str_keys=True)
     path.write_text(json.dumps(data, indent=1) + "\n")
 

@@ -1,6 +1,8 @@
 """Row 3: cost of a physics step, physics steps a skill, and the limits that motions keep."""
 
 import time
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import mujoco.rollout
 import numpy as np
@@ -11,7 +13,7 @@ from taskschema.arrays import FloatArray
 from taskschema.kinematics.sawyer import rethink_gripper, sawyer
 from taskschema.motion import ArmPath
 from taskschema.skills.pairs import ARMS
-from taskschema.tasks.registry import get_task
+from taskschema.tasks.registry import get_task, task_names
 from taskschema.tasks.scene_task import SceneTask
 from taskschema_worker.mixed_path import MixedPath
 from taskschema_worker.scene_environment import SceneEnvironment
@@ -23,6 +25,21 @@ LIFTED = 0.2
 """[m] how high the object is held: below the goal."""
 SAMPLE_SECONDS = 1e-3
 """Spacing at which planned motions are compared with the limits [s]."""
+
+
+@dataclass(frozen=True)
+class Motions:
+    """What both arms did, running one skill in many episodes with random arguments."""
+
+    skill: str
+    timestep: float
+    """[s]"""
+    steps: FloatArray
+    """[N] physics steps."""
+    speed: float
+    """Largest share of the velocity limits that the set-points take."""
+    acceleration: float
+    """The same of the acceleration limits."""
 
 
 def measure(repeats: int, episodes: int = EPISODES) -> list[Entry]:
@@ -39,9 +56,11 @@ def measure(repeats: int, episodes: int = EPISODES) -> list[Entry]:
         Entry.of(3, f"a whole physics step {name}", samples, "us", targets[name], "lower")
         for name, samples in costs.items()
     ]
-    entries += _steps_per_skill(environment, task, episodes)
-    entries += _shares_of_limits(environment, task, episodes)
     environment.close()
+    scenes = [task for task in map(get_task, task_names()) if isinstance(task, SceneTask)]
+    motions = {task.name: list(random_motions(task, episodes)) for task in scenes}
+    entries += _steps_per_skill(motions)
+    entries += _shares_of_limits([each for of_task in motions.values() for each in of_task])
     return entries
 
 
@@ -108,60 +127,44 @@ def _microseconds(environment: SceneEnvironment, state: FloatArray, controls: Fl
     return 1e6 * (time.thread_time() - started) / (len(state) * STEPS)
 
 
-def _steps_per_skill(environment: SceneEnvironment, task: SceneTask, episodes: int) -> list[Entry]:
-    """Run each skill with random arguments in both arms: grasps from home, everything else from a grasp."""
-    space, rng = task.pairs, np.random.default_rng(0)
-    entries = []
+def random_motions(task: SceneTask, episodes: int) -> Iterator[Motions]:
+    """Run each skill that moves with random arguments in both arms, where the paper's schema has it first."""
+    environment, space, rng = SceneEnvironment(task), task.pairs, np.random.default_rng(0)
+    rows = np.arange(episodes)
     for skill in space.skills:
-        if not skill.arguments:
+        if skill.name == "no_op":
             continue
         observations = _reset(environment, episodes)
-        if skill.name != "top_grasp":
-            grasp = np.full(episodes, space.index("top_grasp", "top_grasp"))
-            environment.step(np.arange(episodes), grasp, task.expert_arguments(observations, 0))
+        first = next(step for step, pair in enumerate(task.paper_schema) if skill.name in pair)
+        for step, pair in enumerate(task.paper_pairs[:first]):
+            arguments = task.expert_arguments(observations, step)
+            observations = environment.step(rows, np.full(episodes, pair), arguments).observations
         arguments = space.to_si(rng.uniform(-1.0, 1.0, (episodes, space.argument_count)))
         pairs = np.full(episodes, space.index(skill.name, skill.name))
-        steps = environment.step(np.arange(episodes), pairs, arguments).physics_steps.astype(float)
-        spread = float(np.subtract(*np.percentile(steps, [75, 25])))
-        mean = float(steps.mean())
-        entries.append(
-            Entry(
-                3,
-                f"physics steps of {skill.name}, mean over random arguments",
-                mean,
-                "",
-                None,
-                "lower",
-                spread,
-            )
-        )
-    return entries
+        speed, acceleration = shares_of_limits(environment.plan(rows, pairs, arguments))
+        steps = environment.step(rows, pairs, arguments).physics_steps
+        yield Motions(skill.name, environment.timestep, steps.astype(float), speed, acceleration)
+    environment.close()
 
 
-def _shares_of_limits(environment: SceneEnvironment, task: SceneTask, episodes: int) -> list[Entry]:
-    """Compare the set-points of random motions with the robot's limits, every millisecond."""
-    rng = np.random.default_rng(1)
-    speeds, accelerations = [], []
-    for skill in task.pairs.skills:
-        if not skill.arguments:
-            continue
-        _reset(environment, episodes)
-        pairs = np.full(episodes, task.pairs.index(skill.name, skill.name))
-        arguments = task.pairs.to_si(rng.uniform(-1.0, 1.0, (episodes, task.pairs.argument_count)))
-        speed, acceleration = shares_of_limits(environment.plan(np.arange(episodes), pairs, arguments))
-        speeds.append(speed)
-        accelerations.append(acceleration)
+def _steps_per_skill(motions: dict[str, list[Motions]]) -> list[Entry]:
+    """Return the physics steps of each skill, in the first task that has it."""
+    entries: dict[str, Entry] = {}
+    for task, of_task in motions.items():
+        for each in of_task:
+            name = f"{task}: steps of {1e3 * each.timestep:g} ms of {each.skill}, mean over random arguments"
+            spread = float(np.subtract(*np.percentile(each.steps, [75, 25])))
+            entry = Entry(3, name, float(each.steps.mean()), "", None, "lower", spread)
+            entries.setdefault(each.skill, entry)
+    return list(entries.values())
+
+
+def _shares_of_limits(motions: list[Motions]) -> list[Entry]:
+    """Return the largest shares that any skill takes in any task; the spread is that of the skills."""
+    speeds, accelerations = [each.speed for each in motions], [each.acceleration for each in motions]
     return [
-        Entry(
-            3,
-            f"largest share of the {what} limits",
-            max(samples),
-            "x",
-            1,
-            "lower",
-            max(samples) - min(samples),
-        )
-        for what, samples in (("velocity", speeds), ("acceleration", accelerations))
+        Entry(3, f"largest share of the {what} limits", max(found), "x", 1, "lower", max(found) - min(found))
+        for what, found in (("velocity", speeds), ("acceleration", accelerations))
     ]
 
 

@@ -5,6 +5,7 @@ is typed by hand.
 """
 
 import json
+from collections import defaultdict
 from pathlib import Path
 
 from bench import growth
@@ -13,6 +14,7 @@ from bench.entry import Entry, table
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "performance.md"
 PICTURE = DOCUMENT.with_name("growth.png")
+CAPTION = "episodes per second over workers, on these cores and predicted for a cluster"
 BEGIN, END = "<!-- measured: written by python -m bench.report -->", "<!-- end of measured -->"
 CLUSTER_WORKERS = (1, 2, 4, 8, 16, 50, 200)
 CLUSTER_SLOTS = (50, 400)
@@ -26,22 +28,51 @@ def main() -> None:
     print(f"{DOCUMENT} and {PICTURE} are up to date.")
 
 
-def with_section(document: str, text: str) -> str:
-    """Return the document with everything between its marks replaced."""
-    before, begin, rest = document.partition(BEGIN)
+def with_section(document: str, text: str, begin: str = BEGIN) -> str:
+    """Return the document with everything from the mark `begin` to the next mark `END` replaced.
+
+    Raises:
+        SystemExit: if a mark is gone.
+    """
+    before, found, rest = document.partition(begin)
     _, end, after = rest.partition(END)
-    if not begin or not end:
-        raise SystemExit(f"{DOCUMENT} has lost its marks {BEGIN!r} and {END!r}.")
+    if not found or not end:
+        raise SystemExit(f"The page has lost its marks {begin!r} and {END!r}: put them back.")
     return f"{before}{begin}\n\n{text}\n\n{end}{after}"
 
 
 def section(entries: list[Entry], measured: growth.Growth) -> str:
     """Return the tables."""
-    lines = [f"Measured on {measured.machine}.", "", table(entries), ""]
-    lines += ["### Workers on these cores", "", *_counts(measured)]
+    lines = [f"Measured on {measured.machine}.", *_days(entries), "", table(entries), ""]
+    lines += [
+        "### Workers on these cores",
+        "",
+        *_day(measured, "counts"),
+        *_counts(measured),
+        "",
+        f"![{CAPTION}]({PICTURE.name})",
+    ]
     if measured.parts is not None:
-        lines += ["", "### A cluster, from the measured parts", "", *_cluster(measured.parts)]
+        lines += [
+            "",
+            "### A cluster, from the measured parts",
+            "",
+            *_day(measured, "parts"),
+            *_cluster(measured.parts),
+        ]
     return "\n".join(lines)
+
+
+def _days(entries: list[Entry]) -> list[str]:
+    """Return which rows were measured on which day."""
+    rows: dict[str, set[int]] = defaultdict(set)
+    for entry in entries:
+        rows[entry.measured].add(entry.id)
+    return [f"Rows of {day}: {', '.join(map(str, sorted(rows[day])))}." for day in sorted(rows)]
+
+
+def _day(measured: growth.Growth, part: str) -> list[str]:
+    return [f"Measured on {measured.days[part]}.", ""] if part in measured.days else []
 
 
 def _counts(measured: growth.Growth) -> list[str]:

@@ -8,33 +8,27 @@ from bench.entry import Entry
 from bench.service_process import ServiceProcess, seconds
 from taskschema.config import RunConfig
 
-COMPARED = (1, 2, 50)
-"""Workers that are compared with each other, run after run."""
-REPORTED = (4, 8, 16)
-"""Workers that are measured once, for the table."""
+WORKERS = (1, 2, 50, 4, 8, 16)
+"""Workers, run after run; the first three are compared with each other."""
 ROUNDS = 4
 """Rounds a run, once all workers are there."""
 MB = 1e6
 
 
-def measure(
-    repeats: int,
-    compared: tuple[int, int, int] = COMPARED,
-    reported: tuple[int, ...] = REPORTED,
-    rounds: int = ROUNDS,
-) -> list[Entry]:
+def measure(repeats: int, counts: tuple[int, ...] = WORKERS, rounds: int = ROUNDS) -> list[Entry]:
+    compared = counts[:3]
     round_seconds: defaultdict[int, list[float]] = defaultdict(list)
     largest: defaultdict[int, list[float]] = defaultdict(list)
     starts, typical = [], []
-    for repeat in range(repeats):
-        for workers in (*compared, *(reported if repeat == 0 else ())):
+    for _ in range(repeats):
+        for workers in counts:
             with ServiceProcess(workers) as service:
                 started = service.wait_for_workers()
                 rows = service.wait_for_rounds(rounds)
                 actors = service.memory()[0]
             round_seconds[workers].append(seconds(rows) / len(rows))
             largest[workers].append(max(actors) / MB)
-            if workers == compared[-1]:
+            if workers == compared[2]:
                 starts.append(started)
                 typical.append(median(actors) / MB)
             print(

@@ -33,7 +33,7 @@ class ServiceProcess:
     def __enter__(self) -> Self:
         self._temporary = tempfile.TemporaryDirectory(prefix="bench-")
         self._folder = Path(self._temporary.name) / "run"
-        self.port = _free_port()
+        self.port = free_port()
         command = [str(Path(sys.executable).with_name("taskschema")), "train", TASK]
         command += ["--seed", str(self._seed), "--workers", str(self.workers), "--until-success", "0"]
         command += ["--run-dir", str(self._folder), "--api", f"127.0.0.1:{self.port}"]
@@ -120,7 +120,8 @@ def seconds(rows: list[RoundMetrics]) -> float:
     return sum(row.seconds_collect + row.seconds_update + row.seconds_checkpoint for row in rows)
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """Return a port of this machine that nobody listens on."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]

@@ -17,6 +17,8 @@ from taskschema_worker.scene_environment import SceneEnvironment
 EPISODES = 168
 """Episodes of a batch: a worker's share of the default round of 200, rounded to whole slots."""
 SEED = 0
+TARGET = 40.0
+"""Times robosuite's speed, at least; 80 is aimed at."""
 
 
 def measure(repeats: int) -> list[Entry]:
@@ -36,7 +38,12 @@ def measure(repeats: int) -> list[Entry]:
     unit = "simulated s/s"
     return [
         Entry.of(
-            1, "simulation against robosuite's env.step, lite physics", samples["ratio"], "x", 25, "higher"
+            1,
+            "simulation against robosuite's env.step, lite physics",
+            samples["ratio"],
+            "x",
+            TARGET,
+            "higher",
         ),
         Entry.of(1, "the same without lite physics", samples["ratio_full"], "x", None, "higher"),
         Entry.of(1, "vectorised simulation, one core", samples["own"], unit, None, "higher"),

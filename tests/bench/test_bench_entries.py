@@ -1,13 +1,22 @@
 """Entries, their table, and which benches a word means."""
 
+import json
+
 import pytest
-from bench.__main__ import BENCHES, chosen, replaced
-from bench.entry import Entry, table
+from bench.__main__ import BENCHES, RESULTS, chosen, replaced
+from bench.entry import Entry, table, today
 
 
 def test_an_entry_holds_the_median_and_the_spread():
     entry = Entry.of(8, "delay", [3.0, 1.0, 7.0], "ms", 5, "lower")
     assert (entry.value, entry.spread, entry.reached) == (3.0, 6.0, True)
+
+
+def test_a_recorded_entry_keeps_the_day_it_was_measured():
+    entry = Entry.of(8, "delay", [3.0], "ms", 5, "lower")
+    assert entry.measured == today()
+    older = entry.as_dict() | {"measured": "2026-01-31"}
+    assert Entry(**older).as_dict() == older
 
 
 def test_higher_is_better_where_it_says_so():
@@ -43,3 +52,8 @@ def test_rows_measured_again_take_the_place_of_those_before():
     newer = [{"name": "c", "value": 4}, {"name": "a", "value": 3}]
     assert [(row["name"], row["value"]) for row in replaced(rows, newer)] == [("a", 3), ("b", 2), ("c", 4)]
     assert [row["value"] for row in rows] == [1, 2]
+
+
+def test_the_simulation_is_measured_against_forty_times_robosuite():
+    compared = next(row for row in json.loads(RESULTS.read_text()) if "lite physics" in row["name"])
+    assert (compared["id"], compared["target"], compared["better"]) == (1, 40.0, "higher")

@@ -1,9 +1,11 @@
 """The benches that finish in seconds, at tiny sizes: they measure what they say."""
 
+import time
+
 import msgspec
 import numpy as np
 import pytest
-from bench import image_training, images, physics, publishing, seeds_result
+from bench import image_training, images, learner_update, physics, publishing, seeds
 from bench.fidelity import Agreement, together
 from bench.recorded_rounds import Replay, record, worker_slots
 from bench.reference_physics import blocks, perturbed_outcomes
@@ -14,8 +16,7 @@ from taskschema.config import RunConfig
 from taskschema.kinematics.sawyer import sawyer
 from taskschema.motion import ArmPath
 from taskschema.tasks.registry import get_task
-from taskschema_learner.experiment.cell import CellResult
-from taskschema_learner.experiment.results_folder import ResultsFolder, Summary
+from taskschema_learner.initial_weights import initial_weights
 
 
 @pytest.fixture(scope="module")
@@ -65,13 +66,41 @@ def test_limits_are_taken_from_the_set_points_themselves():
     assert speed == pytest.approx(0.5 * acceleration[0] * 0.5 / limit[0], rel=0.01)
 
 
+def test_limits_are_compared_for_every_skill_in_every_task_that_has_it():
+    moved = [each.skill for each in physics.random_motions(get_task("rotating"), episodes=2)]
+    assert moved == ["side_grasp", "go_to_pose", "rotate"]
+
+
 def test_physics_entries(capsys):
     entries = physics.measure(repeats=1, episodes=4)
+    steps = {entry.name.split(",")[0] for entry in entries if not entry.unit}
+    assert steps == {
+        "lateral-lifting: steps of 8 ms of top_grasp",
+        "lateral-lifting: steps of 8 ms of lift",
+        "picking: steps of 2 ms of go_to_pose",
+        "opening: steps of 4 ms of side_grasp",
+        "opening: steps of 4 ms of twist",
+        "rotating: steps of 8 ms of rotate",
+    }
     shares = {entry.name: entry.value for entry in entries if "limits" in entry.name}
     assert all(0.5 < share <= 1.0 for share in shares.values())
     costs = [entry.value for entry in entries if entry.unit == "us"]
     assert len(costs) == 2
     assert costs[1] > costs[0] > 0
+
+
+def test_both_timed_updates_do_the_same():
+    rng, batch = np.random.default_rng(0), learner_update.make_batch()
+    start = initial_weights(
+        rng, learner_update.OBSERVATIONS, learner_update.NETWORK, learner_update.ARGUMENTS
+    )
+    first, second, other = (learner_update.one_pair(start, batch, seed) for seed in (1, 1, 2))
+    ours, theirs = first.weights
+    for name, array in ours.items():
+        # In single precision the rounding of sixteen steps of Adam remains.
+        assert np.abs(array - theirs[name]).mean() < 0.01 * np.abs(array - start[name]).mean(), name
+        np.testing.assert_array_equal(array, second.weights[0][name])
+        assert not np.array_equal(array, other.weights[0][name])
 
 
 def test_publishing_reaches_a_real_worker():
@@ -102,16 +131,30 @@ def test_agreement_counts_outcomes_and_rates():
     assert blocks(5, 2) == [range(0, 2), range(2, 4), range(4, 5)]
 
 
-def test_seeds_that_did_not_reach_the_goal_are_left_out(tmp_path):
-    facts = {"task": "lateral-lifting", "rounds": 2, "budget": 400, "config_hash": "", "sha256": ""}
-    facts |= {"policy": "schema", "success_last_100": 0.9, "commit": ""}
-    solved = CellResult(seed=0, state="solved", episodes=400, minutes=2.0, **facts)
-    given_up = msgspec.structs.replace(solved, seed=1, state="not solved")
-    oracle = msgspec.structs.replace(solved, policy="oracle")
-    ResultsFolder(tmp_path).write(Summary(experiment="paper-sim", cells=(solved, given_up, oracle)))
-    minutes, episodes = seeds_result.measure(1, tmp_path)
-    assert (minutes.value, episodes.value) == (2.0, 400.0)
-    assert seeds_result.measure(1, tmp_path / "nowhere") == []
+def test_seeds_that_did_not_reach_the_goal_are_left_out(monkeypatch):
+    successes = {0: 0.93, 1: 0.4, 2: 0.9}
+
+    def train(task, seed, rounds):
+        last = msgspec.structs.replace(
+            some_metrics(seed), episodes=1_000 * (seed + 1), success_last_100=successes[seed]
+        )
+        return 1.0 + seed, last
+
+    monkeypatch.setattr(seeds, "train", train)
+    minutes, episodes = seeds.measure(3)
+    assert (minutes.name, minutes.value) == ("`make train` to 90 %, median of 2 of 3 seeds", 2.0)
+    assert episodes.value == 2_000.0
+    assert seeds.measure(1)[0].name == "`make train` to 90 %, median of 1 seeds"
+    successes[0] = 0.1
+    assert seeds.measure(1) == []
+
+
+def test_a_seed_is_timed_from_the_command_to_its_end():
+    started = time.monotonic()
+    minutes, last = seeds.train("toy", seed=0, rounds=2)
+    assert (last.round, last.episodes) == (1, 400)
+    rounds = last.seconds_collect + last.seconds_update + last.seconds_checkpoint
+    assert rounds + 1.0 < 60 * minutes < time.monotonic() - started  # Ray alone takes seconds to start
 
 
 def test_a_training_on_images_is_measured_from_its_second_round_on():
@@ -130,13 +173,12 @@ def test_a_training_on_images_is_measured_from_its_second_round_on():
 
 
 @needs_renderer
-def test_shares_of_images_are_of_all_the_time_and_every_slot_is_sent(capsys):
-    images.rounds(slots=2, count=1)
-    printed = capsys.readouterr().out
-    rows = [line.split("|") for line in printed.splitlines() if line.startswith("| ")]
+def test_shares_of_images_are_of_all_the_time_and_every_slot_is_sent():
+    lines = images.rounds(slots=2, count=1)
+    rows = [line.split("|") for line in lines if line.startswith("| ")]
     shares = [row[2:4] for row in rows if row[1].strip() in images.PARTS]
     assert len(shares) == len(images.PARTS)
     for clock in range(2):
         assert sum(float(share[clock].strip(" %")) for share in shares) == pytest.approx(100.0, abs=0.4)
     # 4 episodes of 3 steps, 196,608 bytes each, if all of them fail
-    assert "a slot has 2.36 MB" in printed
+    assert "A slot has 2.36 MB" in "\n".join(lines)
