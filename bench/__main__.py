@@ -1,17 +1,17 @@
 """Run the benches named, or all: `python -m bench [NAME or row number ...]`.
 
-All of them together also write `bench/results.json`, which `python -m bench.report` brings into
-docs/performance.md; `--write` brings the rows of chosen benches up to date there.
+All of them together also write `bench/results.json` and the pages that show it (`bench.report`); `--write`
+brings the rows of chosen benches up to date there.
 """
 
 import argparse
 import importlib
 import json
 import time
-from pathlib import Path
 from typing import Any
 
-from bench.entry import Entry, table
+from bench import report
+from bench.entry import RESULTS, Entry, table
 from taskschema_learner.machine import machine
 
 BENCHES: dict[str, tuple[tuple[int, ...], str]] = {
@@ -30,7 +30,6 @@ BENCHES: dict[str, tuple[tuple[int, ...], str]] = {
     "seeds": ((13,), "minutes and episodes of `taskschema train lateral-lifting` to 90 %, seed by seed"),
 }
 """Module of each bench, the rows it measures, and what it is about."""
-RESULTS = Path(__file__).with_name("results.json")
 
 
 def main() -> None:
@@ -56,6 +55,7 @@ def main() -> None:
         write(rows)
     elif arguments.write:
         write(replaced(json.loads(RESULTS.read_text()), rows))
+    report.main()  # whatever was written: scaling and saturation always keep what they find, in growth.json
 
 
 def write(rows: list[dict[str, Any]]) -> None:

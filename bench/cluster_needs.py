@@ -1,49 +1,17 @@
-"""What 50, 500 and 5,000 workers need, from measured parts.
+"""What 50, 500 and 5,000 workers need, from measured parts: the tables of docs/scale.md.
 
-`python -m bench saturation` measures what a slot and an update cost, `python -m tests.compose.many_workers 50
---write` what worker containers hold. `python -m bench.cluster_needs` adds the cost of workers that are merely
-there, their signs of life and their asking for work, and the learner's memory. All of it stands in
-`bench/growth.json`; the tables in docs/scale.md are written from that alone.
+`python -m bench saturation` measures what a slot and an update cost, `python -m bench.presence` workers that
+are merely there, `python -m tests.compose.many_workers 50 --write` what worker containers hold. All of it
+stands in `bench/growth.json`.
 """
 
-import tempfile
-import time
-from contextlib import ExitStack
-from pathlib import Path
-from typing import Any
+from bench import growth
+from taskschema.bus.connection import LONGEST_BLOCK_MS
+from taskschema.bus.worker_bus import MS_PER_AGENT, SHORTEST_BLOCK_MS
 
-from bench import growth, learner_memory
-from bench.saturation import sample_message
-from bench.service_process import TASK
-from taskschema.bus.connection import LONGEST_BLOCK_MS, connect
-from taskschema.bus.keys import RunKeys
-from taskschema.bus.learner_bus import LearnerBus
-from taskschema.bus.records import RunRecords
-from taskschema.bus.worker_bus import MS_PER_AGENT, SHORTEST_BLOCK_MS, WorkerBus
-from taskschema.config import RunConfig
-from taskschema.tasks.registry import get_task
-from taskschema_learner.embedded_redis import EmbeddedRedis
-from taskschema_learner.learner import Learner
-
-DOCUMENT = Path(__file__).parents[1] / "docs" / "scale.md"
-BEGIN, END = "<!-- measured: written by python -m bench.cluster_needs -->", "<!-- end of measured -->"
 WORKERS = (50, 500, 5_000)
-RUN = "bench"
-BEATING = 100
-"""Workers whose signs of life are measured together."""
-BEATING_SECONDS = 5.0
-ASKS = 200
-"""Questions for work that are measured together."""
 WORTHWHILE = 1.5
 """Twice as many workers are worth their cost while they make so many times as many episodes."""
-
-
-def main() -> None:
-    """Measure, keep it, and bring the page up to date."""
-    growth.write(presence=measure())
-    text = section(growth.read())
-    DOCUMENT.write_text(with_section(DOCUMENT.read_text(encoding="utf-8"), text), encoding="utf-8")
-    print(text)
 
 
 def section(measured: growth.Growth) -> str:
@@ -54,75 +22,24 @@ def section(measured: growth.Growth) -> str:
     """
     parts, presence, containers = measured.parts, measured.presence, measured.containers
     if parts is None or presence is None or containers is None:
-        raise SystemExit(f"Some parts were not measured: {(__doc__ or '').partition('.')[2].strip()}")
-    lines = [f"Measured on {measured.machine}.", "", *needs(parts, presence, containers), "", *limits(parts)]
+        raise SystemExit(
+            "Some parts were not measured: run `python -m bench saturation`, `python -m bench.presence` and "
+            "`python -m tests.compose.many_workers 50 --write`."
+        )
+    days = [
+        f"{part} on {measured.days[part]}"
+        for part in ("parts", "presence", "containers")
+        if part in measured.days
+    ]
+    when = f": {', '.join(days)}" if days else ""
+    lines = [
+        f"Measured on {measured.machine}{when}.",
+        "",
+        *needs(parts, presence, containers),
+        "",
+        *limits(parts),
+    ]
     return "\n".join(lines)
-
-
-def with_section(document: str, text: str) -> str:
-    """Return the page with everything between its marks replaced.
-
-    Raises:
-        SystemExit: if a mark is gone.
-    """
-    before, begin, rest = document.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not begin or not end:
-        raise SystemExit(f"{DOCUMENT} has lost its marks {BEGIN!r} and {END!r}.")
-    return f"{before}{begin}\n\n{text}\n\n{end}{after}"
-
-
-def measure(workers: tuple[int, ...] = WORKERS, seconds: float = BEATING_SECONDS) -> growth.Presence:
-    """Measure with a real Redis and real messages."""
-    config = RunConfig(task=TASK)
-    snapshot = Learner(config, get_task(TASK)).snapshot()
-    with tempfile.TemporaryDirectory(prefix="bench-") as folder, EmbeddedRedis(Path(folder)) as redis:
-        client: Any = connect(redis.url)
-        RunRecords(client).register_run(RUN, config)
-        bus = LearnerBus(connect(redis.url), RUN, config)
-        bus.acquire()
-        bus.open_round(0, snapshot, [])
-        beat = _beat_seconds(client, redis.url, seconds)
-        asks = {count: _ask(client, redis.url, count) for count in workers}
-    message = sample_message()
-    return growth.Presence(
-        beat_seconds=beat,
-        ask_seconds={count: cost[0] for count, cost in asks.items()},
-        ask_bytes={count: cost[1] for count, cost in asks.items()},
-        policy_bytes=len(snapshot.to_bytes()),
-        learner_bytes={count: learner_memory.measure(message, count) for count in workers},
-    )
-
-
-def _beat_seconds(client: Any, url: str, seconds: float) -> float:
-    with ExitStack() as stack:
-        for number in range(BEATING):
-            stack.enter_context(WorkerBus(connect(url), RUN, f"beating-{number}"))
-        before = _used(client)
-        time.sleep(seconds)
-        after = _used(client)
-    return (after[0] - before[0]) / (BEATING * seconds)
-
-
-def _ask(client: Any, url: str, workers: int) -> tuple[float, float]:
-    """Return processor time [s] and bytes of one question for work while so many workers are there."""
-    keys = RunKeys(RUN)
-    later = time.time() + 3600  # they stay alive meanwhile
-    names = [f"host-{number:05d}-1000-abcdef12" for number in range(workers - 1)]
-    client.zadd(keys.heartbeats, dict.fromkeys(names, later))
-    with WorkerBus(connect(url), RUN, "asking") as bus:
-        before = _used(client)
-        for _ in range(ASKS):
-            bus.lease(1)
-        after = _used(client)
-    client.zrem(keys.heartbeats, *names)
-    return (after[0] - before[0]) / ASKS, (after[1] - before[1]) / ASKS
-
-
-def _used(client: Any) -> tuple[float, float]:
-    """Return Redis's processor time [s] and the bytes it has sent."""
-    info = client.info("everything")
-    return float(info["used_cpu_user"] + info["used_cpu_sys"]), float(info["total_net_output_bytes"])
 
 
 def needs(parts: growth.Parts, presence: growth.Presence, containers: growth.Containers) -> list[str]:
@@ -222,7 +139,3 @@ def _gain(parts: growth.Parts, count: int) -> float:
     """Return how many times as many episodes twice as many workers make."""
     once, twice = (growth.predict(parts, each, each) for each in (count, 2 * count))
     return twice.episodes_per_second / once.episodes_per_second
-
-
-if __name__ == "__main__":
-    main()

@@ -3,7 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
+from pathlib import Path
 from statistics import median
+
+RESULTS = Path(__file__).with_name("results.json")
+"""Every bench's entries."""
 
 
 def today() -> str:

@@ -1,4 +1,4 @@
-"""Bring the measured figures into docs/performance.md: `python -m bench.report`.
+"""Bring the measured figures into docs/performance.md and docs/scale.md: `python -m bench.report`.
 
 Everything between the marks is rewritten from `bench/results.json` and `bench/growth.json`: no figure there
 is typed by hand.
@@ -8,11 +8,11 @@ import json
 from collections import defaultdict
 from pathlib import Path
 
-from bench import growth
-from bench.__main__ import RESULTS
-from bench.entry import Entry, table
+from bench import cluster_needs, growth
+from bench.entry import RESULTS, Entry, table
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "performance.md"
+SCALE = DOCUMENT.with_name("scale.md")
 PICTURE = DOCUMENT.with_name("growth.png")
 CAPTION = "episodes per second over workers, on these cores and predicted for a cluster"
 BEGIN, END = "<!-- measured: written by python -m bench.report -->", "<!-- end of measured -->"
@@ -23,9 +23,10 @@ CLUSTER_SLOTS = (50, 400)
 def main() -> None:
     entries = [Entry(**item) for item in json.loads(RESULTS.read_text())]
     measured = growth.read()
-    DOCUMENT.write_text(with_section(DOCUMENT.read_text(), section(entries, measured)))
+    for page, text in ((DOCUMENT, section(entries, measured)), (SCALE, cluster_needs.section(measured))):
+        page.write_text(with_section(page.read_text(encoding="utf-8"), text), encoding="utf-8")
     draw(measured, PICTURE)
-    print(f"{DOCUMENT} and {PICTURE} are up to date.")
+    print(f"{DOCUMENT}, {SCALE} and {PICTURE} are up to date.")
 
 
 def with_section(document: str, text: str, begin: str = BEGIN) -> str:

@@ -3,8 +3,8 @@
 import json
 
 import pytest
-from bench.__main__ import BENCHES, RESULTS, chosen, replaced
-from bench.entry import Entry, table, today
+from bench.__main__ import BENCHES, chosen, replaced
+from bench.entry import RESULTS, Entry, table, today
 
 
 def test_an_entry_holds_the_median_and_the_spread():

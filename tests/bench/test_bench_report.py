@@ -6,8 +6,7 @@ import re
 import msgspec
 import pytest
 from bench import growth, scaling
-from bench.__main__ import RESULTS
-from bench.entry import Entry, today
+from bench.entry import RESULTS, Entry, today
 from bench.report import BEGIN, DOCUMENT, END, PICTURE, draw, section, with_section
 from bus_setup import some_metrics
 
@@ -76,8 +75,10 @@ def test_the_section_stands_between_its_marks_and_the_rest_stays():
         with_section("no marks", text)
 
 
-def test_the_real_document_has_the_marks():
-    assert with_section(DOCUMENT.read_text(), "text").count("text")
+def test_the_page_is_that_of_the_recorded_results():
+    entries = [Entry(**row) for row in json.loads(RESULTS.read_text())]
+    page = DOCUMENT.read_text(encoding="utf-8")
+    assert page == with_section(page, section(entries, growth.read())), "run `python -m bench.report`"
 
 
 def test_the_picture_is_drawn(tmp_path):

@@ -2,7 +2,9 @@
 
 import pytest
 from bench import growth, learner_memory
-from bench.cluster_needs import BEATING, DOCUMENT, limits, measure, needs, section, with_section
+from bench.cluster_needs import limits, needs, section
+from bench.presence import BEATING, measure
+from bench.report import SCALE, with_section
 from bench.saturation import sample_message
 
 PARTS = growth.Parts(
@@ -28,8 +30,8 @@ def row(name: str) -> list[str]:
 
 
 def test_the_page_is_that_of_the_committed_parts():
-    page = DOCUMENT.read_text(encoding="utf-8")
-    assert page == with_section(page, section(growth.read())), "run `python -m bench.cluster_needs`"
+    page = SCALE.read_text(encoding="utf-8")
+    assert page == with_section(page, section(growth.read())), "run `python -m bench.report`"
 
 
 def test_what_workers_need():

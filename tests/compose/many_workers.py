@@ -12,7 +12,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from bench import growth
+from bench import growth, report
 from tests.compose.comparison import embedded_hash, finish
 from tests.compose.ending import FAILURES, leave_in_order
 from tests.compose.engine import SkippedError, compose_command
@@ -47,6 +47,7 @@ def main() -> int:
             stack.clean()
     if options.write:
         growth.write(containers=containers)
+        report.main()
     print(f"many-workers: {line}")
     return 0
 
