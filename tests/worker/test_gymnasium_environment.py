@@ -1,5 +1,6 @@
 """The gymnasium environments, over every registered task."""
 
+import os
 import subprocess
 import sys
 import warnings
@@ -214,4 +215,11 @@ def test_importing_the_package_imports_no_simulator_and_no_ray():
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
     assert result.stderr == ""
-    assert taskschema_worker.__name__ == "taskschema_worker"
+
+
+def test_a_rollout_actor_does_not_even_import_gymnasium():
+    code = "import sys, taskschema_worker.worker; print('gymnasium' in sys.modules)"
+    environment = {**os.environ, taskschema_worker.WITHOUT_GYMNASIUM: "1"}
+    command = [sys.executable, "-c", code]
+    result = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    assert result.stdout.strip() == "False"

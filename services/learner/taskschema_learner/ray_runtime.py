@@ -177,6 +177,7 @@ class RayRuntime:
         """Place a rollout actor, on another machine than the one before if there is one."""
         import ray
 
+        from taskschema_worker import WITHOUT_GYMNASIUM
         from taskschema_worker.rollout_actor import RolloutActor
 
         remote: Any = ray.remote(RolloutActor)
@@ -186,7 +187,7 @@ class RayRuntime:
             max_task_retries=RESTARTS,  # a restarted actor goes on running its worker
             max_concurrency=3,  # run, stop and memory at the same time
             scheduling_strategy="SPREAD",
-            runtime_env={"env_vars": SINGLE_THREADED},
+            runtime_env={"env_vars": {**SINGLE_THREADED, WITHOUT_GYMNASIUM: "1"}},
         )
         handle: ActorHandle[Any] = options.remote(redis_url, run, name, cpus)
         return handle
