@@ -64,6 +64,9 @@ def test_wilson_interval_by_hand():
 def test_expected_episodes_by_hand():
     # 729 / (9 x 0.005) = 16,200.
     assert report().expected_episodes == pytest.approx(16_200)
+    # 729 / (9 x 0.001) = 81,000, which is not what decides.
+    assert report().expected_by_paper_schema == pytest.approx(81_000)
+    assert "as hard as the paper's | **no** |" in report().to_markdown()
     assert all(report().verdicts.values())
     assert report(good=()).expected_episodes == float("inf")
 

@@ -101,7 +101,15 @@ class AuditReport:
     @property
     def expected_episodes(self) -> float:
         """|X|^T / (m p): expected until a good schema's first success; infinite if none succeeded."""
-        found = len(self.good) * self.random_good.value
+        return self._expected(self.random_good)
+
+    @property
+    def expected_by_paper_schema(self) -> float:
+        """The same as if all good schemas were as hard to find arguments for as the paper's."""
+        return self._expected(self.random)
+
+    def _expected(self, random: Rate) -> float:
+        found = len(self.good) * random.value
         return self.schema_count / found if found else math.inf
 
     @property
@@ -130,7 +138,11 @@ class AuditReport:
     def to_json(self) -> str:
         """Return everything as JSON."""
         document: dict[str, Any] = asdict(self)
-        document |= {"expected_episodes": self.expected_episodes, "verdicts": self.verdicts}
+        document |= {
+            "expected_episodes": self.expected_episodes,
+            "expected_by_paper_schema": self.expected_by_paper_schema,
+            "verdicts": self.verdicts,
+        }
         return json.dumps(document, indent=1) + "\n"
 
     def to_markdown(self) -> str:
@@ -143,7 +155,9 @@ class AuditReport:
             "",
             "| demand | met |",
             "|---|---|",
-            *(f"| {name} | {'yes' if met else '**no**'} |" for name, met in self.verdicts.items()),
+            *(f"| {name} | {_yes(met)} |" for name, met in self.verdicts.items()),
+            f"| for comparison: the same if all good schemas were as hard as the paper's | "
+            f"{_yes(self.expected_by_paper_schema <= self.episodes_limit)} |",
             "",
             "## (a) The scripted expert under the paper's schema",
             "",
@@ -169,7 +183,8 @@ class AuditReport:
             f"Uniformly random arguments succeed in {self.random} under the paper's schema, and under the "
             f"good schemas, taken in turn, in p = {self.random_good}. With m = {len(self.good)} good schemas "
             f"of {self.schema_count}, uniformly random schemas take |X|^T / (m p) = "
-            f"{self.expected_episodes:,.0f} episodes to a good one's first success.",
+            f"{self.expected_episodes:,.0f} episodes to a good one's first success. If all were as hard as "
+            f"the paper's, it would be {self.expected_by_paper_schema:,.0f}.",
         ]
         return "\n".join(lines) + "\n"
 
@@ -194,6 +209,10 @@ class AuditReport:
                 *nearly,
             ]
         return [head, *table]
+
+
+def _yes(met: bool) -> str:
+    return "yes" if met else "**no**"
 
 
 def _search_lines(items: tuple[SearchedSchema, ...]) -> list[str]:
