@@ -273,6 +273,10 @@ def test_an_experiment_that_is_killed_and_stopped_goes_on_to_the_same_result(tmp
     assert done["sha256"] == run_hash(RunFolder.open(run))
     assert verify(RunFolder.open(run), done["rounds"]).same  # what was never stopped has the same hashes
 
+    output, _ = command(tmp_path, *ORACLE, "--verify").communicate(timeout=200)
+    assert "1 of 1 cells end with the same policy as before." in output
+    assert "the same policy, to the bit: toy oracle 0." in (results / "README.md").read_text()
+
     # A third start has nothing to train, not even where the runs are gone; the figure comes from the tables.
     metrics.parent.rename(tmp_path / "gone")
     output, _ = command(tmp_path, *ORACLE).communicate(timeout=200)

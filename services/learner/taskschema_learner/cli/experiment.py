@@ -2,10 +2,14 @@
 
 import shlex
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
+
+if TYPE_CHECKING:
+    from taskschema_learner.experiment.cell import CellResult
 
 EXPERIMENTS = ("paper-sim", "images-sim")
 DEFAULTS = {
@@ -71,6 +75,14 @@ def experiment(
         int | None,
         typer.Option(min=0, help="Rollout workers. Default: the cores. 0: in the learner's process."),
     ] = None,
+    verify: Annotated[
+        bool,
+        typer.Option(
+            "--verify",
+            help="Train finished cells again instead, and compare their policies' hashes; the page says what "
+            "came out. The exit status is 1 if one differs.",
+        ),
+    ] = False,
     out: Annotated[Path | None, typer.Option(help="Folder of the results. Default: results/NAME.")] = None,
     runs_dir: Annotated[Path | None, typer.Option(help="Folder of the runs. Default: runs/NAME.")] = None,
 ) -> None:
@@ -99,16 +111,34 @@ def experiment(
 
     from taskschema_learner.experiment.experiment import run_experiment
     from taskschema_learner.experiment.recipe import ImagesSim, PaperSim
+    from taskschema_learner.experiment.verification import verify_cells
 
     out = out or Path("results") / name
     recipe = ImagesSim(schemas or out / "schemas") if name == "images-sim" else PaperSim()
     plan = Plan(task_list, kinds, seeds or default_seeds, budget or default_budget, baseline_budget)
     command = shlex.join(["taskschema", *sys.argv[1:]])
     runs = runs_dir or Path("runs") / name
+    if verify:
+        _verify(verify_cells(name, plan, recipe, out, runs, workers))
+        return
     if run_experiment(name, plan, recipe, out, runs, workers, command):
         print(f"All cells are done: {out / 'README.md'}")
     else:
         print(f"Stopped. Continue with: {command}")
+
+
+def _verify(trained: "Sequence[CellResult]") -> None:
+    """Say what became of cells that were trained again.
+
+    Raises:
+        typer.Exit: if one has another policy than before.
+
+    """
+    different = [item.cell.name for item in trained if item.verification and not item.verification.same]
+    print(f"{len(trained) - len(different)} of {len(trained)} cells end with the same policy as before.")
+    if different:
+        print(f"Different: {', '.join(different)}.")
+        raise typer.Exit(1)
 
 
 def _words(text: str) -> list[str]:

@@ -30,6 +30,17 @@ class Cell:
         return f"{self.task}-{self.policy}-seed{self.seed}"
 
 
+class Verification(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What came of a cell that was trained again."""
+
+    day: str
+    """In UTC."""
+    commit: str
+    """Of the source tree that trained it again."""
+    same: bool
+    """Whether the policy at the end has the same hash."""
+
+
 class CellResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Facts about one cell, as far as it has come."""
 
@@ -60,6 +71,8 @@ class CellResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """Skill pairs executed in these episodes; None: written before they were counted."""
     held_out: SuccessRate | None = None
     """On instances that it was not trained on, with mean actions; None: not solved, or not measured."""
+    verification: Verification | None = None
+    """None: not trained again since."""
 
     @property
     def cell(self) -> Cell:

@@ -132,11 +132,20 @@ class Experiment:
         """Write summary, tables and figure of all cells so far."""
         known = sorted(map(judged, self._results.values()), key=_order)
         self._summary = msgspec.structs.replace(self._summary, cells=tuple(known))
-        self._folder.write(self._summary)
-        if known:
-            page = report(self._summary, self._folder.remarks())
-            write_atomically(self._folder.path / "README.md", page.encode())
-            draw_figure(self._folder, self._summary, self._folder.path / FIGURE)
+        publish(self._folder, self._summary)
+
+
+def publish(folder: ResultsFolder, summary: Summary) -> None:
+    """Replace an experiment's summary, page and figure.
+
+    Raises:
+        ExperimentError: if its remarks or a curve cannot be read.
+
+    """
+    folder.write(summary)
+    if summary.cells:
+        write_atomically(folder.path / "README.md", report(summary, folder.remarks()).encode())
+        draw_figure(folder, summary, folder.path / FIGURE)
 
 
 def _order(result: CellResult) -> tuple[str, str, int]:

@@ -63,10 +63,10 @@ def _panel(axis: "Axes", folder: ResultsFolder, results: list[CellResult]) -> No
             if all(result.state == "solved" for result in over):
                 last = max(result.episodes for result in over)
                 axis.hlines(mean, last, longest, color=colour, linewidth=0.8)
-        for result in group:
-            if not result.is_over:
-                curve = _curve(folder, result)
-                axis.plot(curve.episodes, curve.success, ":", color=colour, linewidth=1)
+        for number, result in enumerate(item for item in group if not item.is_over):
+            curve = _curve(folder, result)
+            label = f"{policy} (0)" if number == 0 and not over else None
+            axis.plot(curve.episodes, curve.success, ":", color=colour, linewidth=1, label=label)
     axis.axhline(TARGET, color="grey", linewidth=0.8, linestyle="--")
     axis.set_ylim(-0.02, 1.02)
     axis.yaxis.set_major_formatter(lambda value, _: f"{value:.0%}")

@@ -194,7 +194,18 @@ def _cell_table(cells: Sequence[CellResult]) -> list[str]:
             f"| {_held_out(result)} | {schema} | {verdict} |"
         )
     note = "Held out: share of 200 instances not trained on that mean actions solve, with its 95 % interval."
-    return [*lines, "", note, ""]
+    return [*lines, "", note, *_verified(cells), ""]
+
+
+def _verified(cells: Sequence[CellResult]) -> list[str]:
+    """Return which cells were trained again, with which code, and whether that gave the same policy."""
+    names: dict[str, list[str]] = {}
+    for result in cells:
+        if (again := result.verification) is not None:
+            outcome = "the same policy, to the bit" if again.same else "**another policy**"
+            when = f"Trained again on {again.day} with commit {again.commit or 'unknown'}, {outcome}"
+            names.setdefault(when, []).append(f"{result.task} {result.policy} {result.seed}")
+    return [line for when, cells_ in names.items() for line in ("", f"{when}: {', '.join(cells_)}.")]
 
 
 def _held_out(result: CellResult) -> str:
