@@ -14,18 +14,20 @@ import pytest
 
 from taskschema.config import RunConfig
 from taskschema.tasks.registry import get_task
+from taskschema_learner.cli.experiment import experiment
 from taskschema_learner.default_config import default_config
 from taskschema_learner.evaluation import wilson
 from taskschema_learner.experiment.cell import Cell, CellResult
 from taskschema_learner.experiment.experiment import without_places
 from taskschema_learner.experiment.measurement import CURVE_ROWS, judged, source_commit, thinned_curve
-from taskschema_learner.experiment.plan import Plan, next_cell
+from taskschema_learner.experiment.plan import RELEARNING_BUDGETS, WHOLE, Plan, next_cell
 from taskschema_learner.experiment.report import report
 from taskschema_learner.experiment.results_folder import ResultsFolder, Summary
 from taskschema_learner.run_folder import RunFolder
 from taskschema_learner.run_hash import run_hash
 from taskschema_learner.verification import verify
 
+ROOT = Path(__file__).parents[2]
 COMMAND = Path(sys.executable).with_name("taskschema")
 ORACLE = [
     "experiment",
@@ -178,9 +180,8 @@ def test_remarks_beside_the_results_come_onto_the_page(tmp_path):
 
 
 def test_a_result_names_its_commit_and_whether_other_code_ran():
-    root = Path(__file__).parents[2]
     known = subprocess.run(
-        ["git", "-C", root, "rev-parse", "--short", "HEAD"], capture_output=True, text=True
+        ["git", "-C", ROOT, "rev-parse", "--short", "HEAD"], capture_output=True, text=True
     )
     assert source_commit().removesuffix("+") == known.stdout.strip()
 
@@ -218,8 +219,65 @@ def test_from_images_everything_is_compared_with_the_transferred_schema():
     page = report(Summary(experiment="images-sim", machines=("2 cores",), cells=(transferred, relearned)))
     assert "| toy | re-learned | > 8,000 | > 8,000 | more than 4 |" in page
     assert "| toy: 90 % within the budget, the schema transferred | 1 of 1 seeds | yes |" in page
-    assert "| toy: not by then, the schema learned again | 0 of 1 seeds do | yes |" in page
     assert "The schema that `re-learned` found" in page
+
+
+@pytest.mark.parametrize(
+    ("task", "budget", "state", "reached"),
+    [
+        ("lateral-lifting", 80_500, "not solved", "yes"),
+        ("lateral-lifting", 40_000, "not solved", "not judged: its budget was below the derived one"),
+        ("lateral-lifting", 40_000, "solved", "**no**"),
+        ("rotating", 40_000, "not solved", "not judged: what learning it should take is not known"),
+    ],
+)
+def test_that_a_schema_is_not_learned_again_is_judged_from_the_derived_budget_on(
+    task, budget, state, reached
+):
+    cell = result(task, "re-learned", 0, budget, state, budget=budget)
+    page = report(Summary(experiment="images-sim", machines=("2 cores",), cells=(cell,)))
+    solved = int(state == "solved")
+    line = f"| {task}: not by then, the schema learned again | {solved} of 1 seeds do | {reached} |"
+    assert line in page.splitlines()
+
+
+def test_on_images_what_is_learned_again_has_the_budget_derived_for_its_task():
+    plan = WHOLE["images-sim"]
+    budgets = {(cell.task, cell.policy): plan.budget_of(cell, {}) for cell in plan.cells()}
+    assert {budgets[task, "transferred"] for task in plan.tasks} == {40_000}
+    assert [budgets[task, "re-learned"] for task in plan.tasks] == [80_500, 22_800, 197_200, 40_000]
+    page = (ROOT / "results" / "images-sim" / "budget.md").read_text()
+    rows = re.findall(r"^\| ([a-z-]+) \| \d.*\| ([0-9,]+|not known) \|$", page, re.MULTILINE)
+    known = {task: int(words.replace(",", "")) for task, words in rows if words != "not known"}
+    assert (len(rows), known) == (len(plan.tasks), RELEARNING_BUDGETS)
+
+
+def test_the_page_lists_what_was_given_up_before_the_budget_that_the_command_has():
+    cells = tuple(
+        result(task, "re-learned", 0, 40_000, "not solved", budget=40_000)
+        for task in ("lateral-lifting", "picking")
+    )
+    page = report(Summary(experiment="images-sim", machines=("2 cores",), cells=cells))
+    assert "- lateral-lifting, `re-learned`: seeds 0 (at 40,000 episodes), 1, 2, 3, 4" in page
+    assert "- picking, `re-learned`: seeds 1, 2, 3, 4" in page
+
+
+@pytest.mark.parametrize("name", WHOLE)
+def test_the_command_trains_the_whole_experiment_by_default(monkeypatch, name):
+    plans = []
+
+    def run(name, plan, *others):
+        plans.append(plan)
+        return True
+
+    monkeypatch.setattr("taskschema_learner.experiment.experiment.run_experiment", run)
+    experiment(name)
+    assert (plans[0].cells(), plans[0].budget) == (WHOLE[name].cells(), WHOLE[name].budget)
+    assert plans[0].relearning_budgets == WHOLE[name].relearning_budgets
+    experiment(name, tasks="rotating, opening", seeds=1, budget=7000)
+    cells = plans[1].cells()
+    assert [cell.task for cell in cells[:: len(cells) // 2]] == ["rotating", "opening"]
+    assert {plans[1].budget_of(cell, {}) for cell in cells} == {7000}
 
 
 def test_the_recorded_command_names_no_folder_of_this_machine():

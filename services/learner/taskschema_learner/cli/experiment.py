@@ -3,6 +3,7 @@
 import shlex
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, get_args
 
@@ -10,13 +11,6 @@ import typer
 
 if TYPE_CHECKING:
     from taskschema_learner.experiment.cell import CellResult
-
-EXPERIMENTS = ("paper-sim", "images-sim")
-DEFAULTS = {
-    "paper-sim": (None, "schema,state,oracle", 5, 200_000),
-    "images-sim": ("lateral-lifting,opening", "transferred,re-learned", 3, 40_000),
-}
-"""Tasks (None: the paper's four), policies, seeds and budget; why 40,000: docs/train-from-images.md."""
 
 
 def register(app: typer.Typer) -> None:
@@ -34,9 +28,7 @@ def experiment(
     ],
     tasks: Annotated[
         str | None,
-        typer.Option(
-            metavar="TASK,...", help="Tasks. Default: the paper's four; of images-sim, two of them."
-        ),
+        typer.Option(metavar="TASK,...", help="Tasks. Default: the paper's four."),
     ] = None,
     policies: Annotated[
         str | None,
@@ -47,7 +39,7 @@ def experiment(
     ] = None,
     seeds: Annotated[
         int | None,
-        typer.Option(min=1, help="Seeds 0 to N - 1 of every task and policy. Default: 5; of images-sim, 3."),
+        typer.Option(min=1, help="Seeds 0 to N - 1 of every task and policy. Default: 5."),
     ] = None,
     schemas: Annotated[
         Path | None,
@@ -60,7 +52,8 @@ def experiment(
         int | None,
         typer.Option(
             min=1,
-            help="Episodes of a cell, other than of state. Default: 200,000; of images-sim, 40,000.",
+            help="Episodes of a cell, other than of state. Default: 200,000; of images-sim, 40,000, and of "
+            "re-learned what learning should take, where that is known.",
         ),
     ] = None,
     baseline_budget: Annotated[
@@ -93,21 +86,28 @@ def experiment(
     from taskschema.errors import UnknownNameError
     from taskschema.tasks.registry import get_task
     from taskschema_learner.experiment.cell import IMAGE_POLICIES, CellPolicy
-    from taskschema_learner.experiment.plan import PAPER_TASKS, Plan
+    from taskschema_learner.experiment.plan import WHOLE
 
-    if name not in EXPERIMENTS:
-        raise UnknownNameError("experiment", name, EXPERIMENTS)
-    default_tasks, default_policies, default_seeds, default_budget = DEFAULTS[name]
+    if name not in WHOLE:
+        raise UnknownNameError("experiment", name, WHOLE)
+    plan = WHOLE[name]
     valid = [kind for kind in get_args(CellPolicy) if (kind in IMAGE_POLICIES) == (name == "images-sim")]
-    words = _words(policies or default_policies)
+    words = _words(policies) if policies else plan.policies
     for word in words:
         if word not in valid:
             raise UnknownNameError("policy", word, valid)
-    kinds = [kind for kind in valid if kind in words]
-    tasks = tasks or default_tasks
-    task_list = list(PAPER_TASKS) if tasks is None else _words(tasks)
+    task_list = _words(tasks) if tasks else plan.tasks
     for task in task_list:
         get_task(task)
+    plan = replace(
+        plan,
+        tasks=task_list,
+        policies=[kind for kind in valid if kind in words],
+        seeds=seeds or plan.seeds,
+        baseline_budget=baseline_budget,
+    )
+    if budget is not None:
+        plan = replace(plan, budget=budget, relearning_budgets={})
 
     from taskschema_learner.experiment.experiment import run_experiment
     from taskschema_learner.experiment.recipe import ImagesSim, PaperSim
@@ -115,7 +115,6 @@ def experiment(
 
     out = out or Path("results") / name
     recipe = ImagesSim(schemas or out / "schemas") if name == "images-sim" else PaperSim()
-    plan = Plan(task_list, kinds, seeds or default_seeds, budget or default_budget, baseline_budget)
     command = shlex.join(["taskschema", *sys.argv[1:]])
     runs = runs_dir or Path("runs") / name
     if verify:

@@ -4,10 +4,10 @@ from collections.abc import Iterable, Sequence
 from statistics import median
 
 from taskschema_learner.experiment.cell import CellPolicy, CellResult
-from taskschema_learner.experiment.plan import BASELINE_FACTOR, COMPARED_TASK
+from taskschema_learner.experiment.plan import BASELINE_FACTOR, COMPARED_TASK, RELEARNING_BUDGETS
 
-Aim = tuple[str, str, bool]
-"""What was aimed at, the figure, and whether it was reached."""
+Aim = tuple[str, str, bool | str]
+"""What was aimed at, the figure, and whether it was reached, or in words why that cannot be said."""
 
 
 def aims_table(cells: Sequence[CellResult]) -> list[str]:
@@ -18,8 +18,14 @@ def aims_table(cells: Sequence[CellResult]) -> list[str]:
     rows = [*_learned(cells), *_against_baseline(cells), *_against_oracle(cells), *_transferred(cells)]
     if not rows:
         return []
-    lines = [f"| {aim} | {figure} | {'yes' if reached else '**no**'} |" for aim, figure, reached in rows]
+    lines = [f"| {aim} | {figure} | {_word(reached)} |" for aim, figure, reached in rows]
     return ["## What was aimed at", "", "| aim | figure | reached |", "|---|---|---|", *lines, ""]
+
+
+def _word(reached: bool | str) -> str:
+    if isinstance(reached, str):
+        return reached
+    return "yes" if reached else "**no**"
 
 
 def _over(cells: Iterable[CellResult], policy: CellPolicy) -> dict[str, list[CellResult]]:
@@ -76,12 +82,20 @@ def _transferred(cells: Sequence[CellResult]) -> Iterable[Aim]:
         aim = f"{task}: 90 % within the budget, the schema transferred"
         yield aim, f"{solved} of {len(over)} seeds", solved == len(over)
     for task, over in _over(cells, "re-learned").items():
-        solved = len(_solved(over))
-        yield (
-            f"{task}: not by then, the schema learned again",
-            f"{solved} of {len(over)} seeds do",
-            solved == 0,
-        )
+        aim = f"{task}: not by then, the schema learned again"
+        yield aim, f"{len(_solved(over))} of {len(over)} seeds do", _is_crucial(task, over)
+
+
+def _is_crucial(task: str, relearned: Sequence[CellResult]) -> bool | str:
+    """Whether no schema was learned again by the time in which that should be possible."""
+    if _solved(relearned):
+        return False
+    derived = RELEARNING_BUDGETS.get(task)
+    if derived is None:
+        return "not judged: what learning it should take is not known"
+    if min(result.budget for result in relearned) < derived:
+        return "not judged: its budget was below the derived one"
+    return True
 
 
 def _middle(results: Iterable[CellResult]) -> float:

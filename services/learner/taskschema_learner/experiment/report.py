@@ -7,7 +7,7 @@ from taskschema.tasks.registry import get_task
 from taskschema.tasks.task import GOOD_SHARE
 from taskschema_learner.experiment.aims import aims_table
 from taskschema_learner.experiment.cell import Cell, CellResult
-from taskschema_learner.experiment.plan import PAPER_TASKS, WHOLE
+from taskschema_learner.experiment.plan import PAPER_TASKS, WHOLE, is_done
 from taskschema_learner.experiment.results_folder import Summary
 from taskschema_learner.schema_report import SchemaVerdict, has_good_set, schema_words
 
@@ -125,14 +125,15 @@ def _ratio(own: tuple[float, bool] | None, reference: tuple[float, bool] | None)
 
 
 def _open_cells(summary: Summary) -> list[str]:
-    """Return which cells of the whole experiment are not over, and how far they are."""
+    """Return which cells the experiment's command would still train, and how far they are."""
     if not any(result.task in PAPER_TASKS for result in summary.cells):
         return []
     known = {result.cell: result for result in summary.cells}
     open_seeds: dict[tuple[str, str], list[str]] = {}
-    for cell in sorted(WHOLE[summary.experiment].cells(), key=_place):
+    plan = WHOLE[summary.experiment]
+    for cell in sorted(plan.cells(), key=_place):
         result = known.get(cell)
-        if result is None or not result.is_over:
+        if not is_done(result, plan.budget_of(cell, known)):
             so_far = "" if result is None else f" (at {result.episodes:,} episodes)"
             open_seeds.setdefault((cell.task, cell.policy), []).append(f"{cell.seed}{so_far}")
     if not open_seeds:
