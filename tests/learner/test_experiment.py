@@ -125,7 +125,9 @@ def test_the_page_says_medians_ratios_and_verdicts_as_computed_by_hand():
                 [(4000, "equal"), (6000, "equivalent"), (9000, "equal")]
             )
         ),
-        result("toy", "state", 0, 30_000, "not solved", budget=30_000, success_last_100=0.02),
+        result(
+            "toy", "state", 0, 30_000, "not solved", budget=30_000, success_last_100=0.02, commit="1a2b3c4+"
+        ),
         result("toy", "state", 1, 20_000),
         result("toy", "state", 2, 30_000, "not solved", budget=30_000),
         result("toy", "oracle", 0, 2000),
@@ -138,7 +140,7 @@ def test_the_page_says_medians_ratios_and_verdicts_as_computed_by_hand():
     assert "| toy | state | > 30,000 | 20,000 | > 30,000 | > 30,000 | more than 5 |" in page
     assert "| toy | oracle | 2,000 | 4,000 | 800 so far | 3,000 | 0.5 |" in page
     assert "| toy | (reach, reach), (raise, raise) | 3 of 3 | 2 | 1 | 0 | 0 |" in page
-    assert "| toy | state | 0 | not solved | 30,000 | - | 30,000 | 1.0 | 2% | - | - |" in page
+    assert "| toy | state | 0 | not solved | 30,000 | - | 30,000 | 1.0 | 2% | - | - | - | 1a2b3c4+ |" in page
 
 
 def test_the_page_says_what_was_aimed_at_and_whether_it_was_reached():

@@ -182,7 +182,7 @@ def _is_good_beyond_the_audit(result: CellResult) -> bool:
 
 def _cell_table(cells: Sequence[CellResult]) -> list[str]:
     heads = ["task", "policy", "seed", "state", "episodes", "skills", "budget", "minutes", "last 100"]
-    heads += ["held out", "schema", "is"]
+    heads += ["held out", "schema", "is", "commit"]
     lines = ["## Cells", "", f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
     for result in cells:
         schema = "-" if result.schema is None else schema_words(result.schema)
@@ -192,9 +192,12 @@ def _cell_table(cells: Sequence[CellResult]) -> list[str]:
         lines.append(
             f"| {result.task} | {result.policy} | {result.seed} | {result.state} | {result.episodes:,} "
             f"| {skills} | {result.budget:,} | {result.minutes:.1f} | {result.success_last_100:.0%} "
-            f"| {_held_out(result)} | {schema} | {verdict} |"
+            f"| {_held_out(result)} | {schema} | {verdict} | {result.commit or '-'} |"
         )
-    note = "Held out: share of 200 instances not trained on that mean actions solve, with its 95 % interval."
+    note = (
+        "Held out: share of 200 instances not trained on that mean actions solve, with its 95 % interval.\n"
+        "Commit: of the code that trained it; `+`: with changes that were not committed."
+    )
     return [*lines, "", note, *_verified(cells), ""]
 
 
