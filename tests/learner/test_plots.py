@@ -1,14 +1,16 @@
 """Learning-curve pictures."""
 
+import re
+
 import numpy as np
 import pytest
 
-from taskschema.config import RunConfig
+from taskschema.config import RunConfig, override
 from taskschema.errors import RunFolderError
 from taskschema.metrics import RoundMetrics
 from taskschema.schema import SchemaView
 from taskschema.tasks.registry import get_task
-from taskschema_learner.plots import Curve, average, plot_run, plot_runs
+from taskschema_learner.plots import Curve, average, labels_of, plot_run, plot_runs
 from taskschema_learner.run_folder import RunFolder
 
 
@@ -69,6 +71,33 @@ def test_several_runs_become_one_picture(make_run, tmp_path):
     runs += [make_run(f"state-{seed}", seed=seed, policy="state", rounds=40, speed=0.5) for seed in range(2)]
     plot_runs(runs, tmp_path / "all.png")
     assert is_picture(tmp_path / "all.png")
+
+
+def test_runs_that_differ_in_more_than_their_seeds_have_labels_of_their_own():
+    plain = RunConfig(task="toy", seed=1)
+    faster = override(plain, {"ppo.learning_rate": "0.005", "seed": "2"})
+    gated = override(plain, {"safety_gate": "true", "initial_policy": "ab" * 32})
+    given = override(plain, {"schema.initial_logits": "[[0.0, 1.0], [1.0, 0.0]]"})
+    assert labels_of(
+        [plain, override(plain, {"seed": "7"}), given, override(plain, {"policy": "state"})]
+    ) == [
+        "toy, schema",
+        "toy, schema",
+        "toy, schema, given schema",
+        "toy, state",
+    ]
+    rest = "ppo.learning_rate {}, safety_gate {}, initial_policy {}"
+    assert labels_of([plain, faster, gated]) == [
+        "toy, schema, " + rest.format("0.001", "false", "none"),
+        "toy, schema, " + rest.format("0.005", "false", "none"),
+        "toy, schema, " + rest.format("0.001", "true", "abababab"),
+    ]
+    others = [given, override(given, {"schema.initial_logits": "[[0.0, 2.0], [1.0, 0.0]]"})]
+    labels = labels_of(others)
+    assert len({*labels}) == 2
+    assert all(
+        re.fullmatch("toy, schema, given schema, schema.initial_logits [0-9a-f]{8}", x) for x in labels
+    )
 
 
 def test_averages_are_those_computed_by_hand():

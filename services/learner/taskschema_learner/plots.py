@@ -1,13 +1,17 @@
 """Learning curves as pictures: success and schema over episodes."""
 
+import hashlib
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 
 from taskschema.arrays import FloatArray
+from taskschema.config import RunConfig
 from taskschema.errors import RunFolderError
 from taskschema.metrics import RoundMetrics
 from taskschema_learner.run_folder import RunFolder
@@ -22,6 +26,8 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#0
 """Okabe and Ito's colours, which most colour-blind people tell apart."""
 STYLES = ("-", "--", ":")
 """Rows of a schema often rise together: where they lie on each other, all are to be seen."""
+LONGEST_VALUE = 20
+"""Characters of a setting in a label; what is longer is named by its hash."""
 TARGET = 0.9
 """Success at which the paper stops training."""
 
@@ -31,7 +37,7 @@ class Curve:
     """One run's learning curve."""
 
     label: str
-    """What it shares with the runs that it is averaged with: task and policy."""
+    """What it shares with the runs that it is averaged with."""
     episodes: FloatArray
     """[K] episodes after each round."""
     success: FloatArray
@@ -91,13 +97,15 @@ def draw_curve(path: Path) -> Path | None:
 def plot_runs(folders: Sequence[RunFolder], path: Path) -> None:
     """Draw several runs in one picture: a line per label, the mean of its runs, and their spread around it.
 
-    A run that is over counts with its last value from there on.
+    Runs of one label differ in nothing but their seeds. A run that is over counts with its last value from
+    there on.
 
     Raises:
         RunFolderError: if a run has no rounds yet, or the picture cannot be written.
 
     """
-    curves = [_curve(folder) for folder in folders]
+    labels = labels_of([folder.config for folder in folders])
+    curves = [_curve(folder, label) for folder, label in zip(folders, labels, strict=True)]
     figure, (axis,) = new_figure(1)
     last = max(float(curve.episodes[-1]) for curve in curves)
     for number, label in enumerate(sorted({curve.label for curve in curves})):
@@ -123,22 +131,63 @@ def average(curves: Sequence[Curve], last: float) -> tuple[FloatArray, FloatArra
     return grid, values.mean(axis=0), values.min(axis=0), values.max(axis=0)
 
 
-def _curve(folder: RunFolder) -> Curve:
+def _curve(folder: RunFolder, label: str) -> Curve:
     rows = _rows(folder)
     return Curve(
-        label=_label(folder),
+        label=label,
         episodes=np.array([row.episodes for row in rows], dtype=np.float64),
         success=np.array([row.success_last_100 for row in rows]),
     )
 
 
-def _label(folder: RunFolder) -> str:
-    """Say what a run has in common with others of its kind: all but the seed."""
-    config = folder.config
-    label = f"{config.task}, {config.policy}"
+def labels_of(configs: Sequence[RunConfig]) -> list[str]:
+    """Return what to call each run: one label for those that differ in nothing but their seeds.
+
+    It is the task and the policy; where several kinds share these, the settings in which they differ follow.
+    """
+    kinds = {_kind(config): config for config in configs}
+    settings = {kind: _settings(msgspec.to_builtins(config)) for kind, config in kinds.items()}
+
+    def label(config: RunConfig) -> str:
+        own = settings[_kind(config)]
+        namesakes = [settings[kind] for kind, other in kinds.items() if _name(other) == _name(config)]
+        differing = [field for field in own if len({other[field] for other in namesakes}) > 1]
+        return ", ".join([_name(config), *(f"{field} {own[field]}" for field in differing)])
+
+    return [label(config) for config in configs]
+
+
+def _kind(config: RunConfig) -> str:
+    """Return the hash of all that a run has in common with others of its kind: all but the seed."""
+    return msgspec.structs.replace(config, seed=0).config_hash
+
+
+def _name(config: RunConfig) -> str:
+    name = f"{config.task}, {config.policy}"
     if config.policy == "schema" and config.schema.initial_logits is not None:
-        label += ", frozen schema" if config.schema.frozen else ", given schema"
-    return label
+        name += ", frozen schema" if config.schema.frozen else ", given schema"
+    return name
+
+
+def _settings(data: dict[str, Any], prefix: str = "") -> dict[str, str]:
+    """Return every setting but the seed by its dotted name, in words short enough for a label."""
+    found: dict[str, str] = {}
+    for key, value in data.items():
+        if isinstance(value, dict):
+            found |= _settings(value, f"{prefix}{key}.")
+        elif prefix + key != "seed":
+            found[prefix + key] = _words(value)
+    return found
+
+
+def _words(value: Any) -> str:  # noqa: ANN401 - whatever a config holds
+    if value is None:
+        return "none"
+    text = value if isinstance(value, str) else msgspec.json.encode(value).decode()
+    if len(text) <= LONGEST_VALUE:
+        return text
+    is_hash = re.fullmatch("[0-9a-f]{64}", text)
+    return (text if is_hash else hashlib.sha256(text.encode()).hexdigest())[:8]
 
 
 def _rows(folder: RunFolder) -> list[RoundMetrics]:
