@@ -84,6 +84,10 @@ def test_schema_is_shown_compared_and_exported(place):
     )
     assert read_schema(place / "found.json") == document
     assert (document.version, document.horizon, len(document.pairs)) == (3, 3, 9)
+    used = [item for item in document.best if item.used] or document.best
+    for good, verdict in (([], "different"), ([[(item.left, item.right) for item in used]], "equivalent")):
+        (place / "good.json").write_bytes(msgspec.json.encode(good))
+        assert verdict in taskschema("schema", "toy-schema-seed3", "--good-schemas", "good.json", cwd=place)
 
 
 def test_a_schema_found_before_starts_another_run_and_can_stay_frozen(place, monkeypatch):

@@ -8,12 +8,17 @@ import pytest
 
 from taskschema.errors import SchemaMismatchError
 from taskschema.schema import BestPair
-from taskschema.tasks.registry import get_task
+from taskschema.tasks.registry import get_task, load_task_source
 from taskschema_learner import schema_report
 from taskschema_learner.schema_explanation import explain
 from taskschema_learner.schema_report import SchemaVerdict, compare, good_schemas
 
 PAPER = [("reach", "reach"), ("raise", "raise")]
+TASK_FILE = """
+from taskschema.tasks.toy import Toy
+class Mine(Toy):
+    name = "mine"
+"""
 ONE_EARLY = [("reach", "no_op"), ("no_op", "reach"), ("raise", "raise")]
 
 
@@ -88,7 +93,24 @@ def test_a_verdict_is_explained_step_by_step(with_good_schemas):
 def test_a_task_without_an_audit_is_told_so(with_good_schemas, tmp_path, monkeypatch):
     monkeypatch.setattr(schema_report.resources, "files", lambda package: tmp_path)
     task = get_task("toy")
-    assert "`taskschema audit toy`" in explain(task, compare(task, best(ONE_EARLY)))[-1]
+    advice = "`taskschema audit toy --good-schemas FILE`"
+    assert advice in explain(task, compare(task, best(ONE_EARLY)))[-1]
+    own = load_task_source("Mine", TASK_FILE)
+    advice = "`taskschema audit --task-file FILE:CLASS --good-schemas FILE`"
+    assert advice in explain(own, compare(own, best(ONE_EARLY)))[-1]
+
+
+def test_a_good_set_of_one_s_own_is_read(tmp_path):
+    own = load_task_source("Mine", TASK_FILE)
+    file = tmp_path / "good.json"
+    file.write_bytes(msgspec.json.encode([[*PAPER, ("reach", "reach")], ONE_EARLY]))
+    comparison = compare(own, best(ONE_EARLY), file)
+    assert comparison.verdict is SchemaVerdict.EQUIVALENT
+    assert explain(own, comparison, file)[-1].endswith("there are 2 among 729.")
+    with pytest.raises(SchemaMismatchError, match="another task's"):
+        compare(get_task("opening"), best(ONE_EARLY), file)
+    with pytest.raises(SchemaMismatchError, match="--task-file FILE:CLASS --good-schemas FILE"):
+        compare(own, best(ONE_EARLY), tmp_path / "missing.json")
 
 
 def test_without_a_good_set_only_the_paper_s_schema_is_good(with_good_schemas, tmp_path, monkeypatch):

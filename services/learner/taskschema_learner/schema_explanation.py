@@ -1,9 +1,12 @@
 """How a learned schema differs from the paper's, step by step and in words."""
 
+from pathlib import Path
+
 from taskschema.tasks.task import Schema, Task
 from taskschema_learner.schema_report import (
     SchemaComparison,
     SchemaVerdict,
+    audit_command,
     good_schemas,
     has_good_set,
     schema_words,
@@ -12,8 +15,15 @@ from taskschema_learner.schema_report import (
 ARM_WORDS = ("left", "right")
 
 
-def explain(task: Task, comparison: SchemaComparison) -> list[str]:
-    """Return sentences for a person: what each step shares with the paper's, and why the verdict is so."""
+def explain(task: Task, comparison: SchemaComparison, good_set: Path | None = None) -> list[str]:
+    """Return sentences for a person: what each step shares with the paper's, and why the verdict is so.
+
+    Args:
+        task: of the run.
+        comparison: with the paper's schema and the good set.
+        good_set: file that the good set came from; None: the package's.
+
+    """
     found, paper = comparison.found, comparison.paper
     lines = [
         _step(number, found[number - 1], paper[number - 1] if number <= len(paper) else None)
@@ -25,7 +35,7 @@ def explain(task: Task, comparison: SchemaComparison) -> list[str]:
     ]
     if comparison.verdict is not SchemaVerdict.EQUAL and _exchanged(found) == paper:
         lines.append("It is the paper's schema with the arms exchanged.")
-    return [*lines, _reason(task, comparison)]
+    return [*lines, _reason(task, comparison, good_set)]
 
 
 def _step(number: int, found: tuple[str, str], paper: tuple[str, str] | None) -> str:
@@ -45,17 +55,18 @@ def _exchanged(schema: Schema) -> Schema:
     return tuple((right, left) for left, right in schema)
 
 
-def _reason(task: Task, comparison: SchemaComparison) -> str:
+def _reason(task: Task, comparison: SchemaComparison, good_set: Path | None) -> str:
     """Say what the verdict rests on."""
     if comparison.verdict is SchemaVerdict.EQUAL:
         return "Equal: every step that is used is the paper's."
-    if not has_good_set(task):
+    if good_set is None and not has_good_set(task):
         return (
             f"No audit of {task.name} is there, so that whatever is not the paper's counts as different: "
-            f"`taskschema audit {task.name}` would tell which schemas solve the task as well."
+            f"`{audit_command(task)}` writes which schemas solve the task as well, and --good-schemas FILE "
+            "here reads it."
         )
     schemas = len(task.pairs) ** task.horizon
-    good = sum(len(schema) == task.horizon for schema in good_schemas(task))
+    good = sum(len(schema) == task.horizon for schema in good_schemas(task, good_set))
     audited = f"solve at least 95 % of the audit's instances, of which there are {good} among {schemas:,}"
     if comparison.verdict is SchemaVerdict.EQUIVALENT:
         return f"Equivalent: it is, or begins with, another of the schemas that {audited}."

@@ -5,12 +5,14 @@ from dataclasses import dataclass
 from enum import StrEnum
 from importlib import resources
 from importlib.resources.abc import Traversable
+from pathlib import Path
 
 import msgspec
 
 from taskschema.errors import SchemaMismatchError
 from taskschema.schema import BestPair
 from taskschema.skills.no_op import NoOp
+from taskschema.tasks.registry import task_names
 from taskschema.tasks.task import Schema, Task
 
 
@@ -55,7 +57,7 @@ def schema_words(schema: Schema) -> str:
 
 
 def has_good_set(task: Task) -> bool:
-    """Whether the task was audited; if not, `good_schemas` knows the paper's alone."""
+    """Whether the package has an audit of the task; if not, `good_schemas` knows the paper's alone."""
     return _good_set_file(task).is_file()
 
 
@@ -63,41 +65,61 @@ def _good_set_file(task: Task) -> Traversable:
     return resources.files("taskschema") / "data" / "good_schemas" / f"{task.name}.json"
 
 
-def good_schemas(task: Task) -> list[Schema]:
-    """Return the schemas that solve the task: the paper's first, then those that the audit found good.
+def audit_command(task: Task) -> str:
+    """Return the command that writes a task's good set, FILE and all, as a person would type it."""
+    reference = task.name if task.name in task_names() else "--task-file FILE:CLASS"
+    return f"taskschema audit {reference} --good-schemas FILE"
+
+
+def good_schemas(task: Task, file: Path | None = None) -> list[Schema]:
+    """Return the schemas that solve the task: the paper's first, then those that an audit found good.
+
+    Args:
+        task: whose schemas they are.
+        file: what the audit wrote with `--good-schemas`; None: the package's, if there is one.
 
     Raises:
-        SchemaMismatchError: if the task's file of good schemas is damaged.
+        SchemaMismatchError: if the file cannot be read, is damaged, or another task's.
 
     """
     paper = tuple(task.paper_schema)
-    file = _good_set_file(task)
-    if not file.is_file():
+    if file is None and not has_good_set(task):
         return [paper]
+    source = _good_set_file(task) if file is None else file
     try:
-        audited = msgspec.json.decode(file.read_bytes(), type=list[tuple[tuple[str, str], ...]])
-    except msgspec.MsgspecError as error:
+        audited = msgspec.json.decode(source.read_bytes(), type=list[tuple[tuple[str, str], ...]])
+    except (OSError, msgspec.MsgspecError) as error:
         raise SchemaMismatchError(
-            f"{file} is damaged ({error}): make it again with `taskschema audit {task.name}`."
+            f"{source} cannot be read ({error}): make it again with `{audit_command(task)}`."
         ) from None
+    if any(pair not in task.pairs.pairs for schema in audited for pair in schema):
+        raise SchemaMismatchError(
+            f"{source} has skills that {task.name} does not have: it is another task's, whose own "
+            f"`{audit_command(task)}` writes."
+        )
     return [paper, *(schema for schema in audited if schema != paper)]
 
 
-def compare(task: Task, best: Sequence[BestPair]) -> SchemaComparison:
+def compare(task: Task, best: Sequence[BestPair], good_set: Path | None = None) -> SchemaComparison:
     """Compare a run's most probable pairs, one per step, with the paper's schema and the good set.
 
     Steps after the one at which episodes succeed are unused and match anything. A run that never succeeded
     uses all of its steps.
 
+    Args:
+        task: of the run.
+        best: the most probable pair of every step.
+        good_set: file of the good schemas; None: the package's.
+
     Raises:
-        SchemaMismatchError: if the task's file of good schemas is damaged.
+        SchemaMismatchError: if the file of good schemas cannot be read, is damaged, or another task's.
 
     """
     used = tuple((item.left, item.right) for item in best if item.used)
-    return compare_used(task, used or tuple((item.left, item.right) for item in best))
+    return compare_used(task, used or tuple((item.left, item.right) for item in best), good_set)
 
 
-def compare_used(task: Task, used: Schema) -> SchemaComparison:
+def compare_used(task: Task, used: Schema, good_set: Path | None = None) -> SchemaComparison:
     """Compare the used steps of a schema with the paper's and the good set.
 
     An episode ends at its first success, so whatever follows steps that solve a task takes nothing away. The
@@ -105,10 +127,10 @@ def compare_used(task: Task, used: Schema) -> SchemaComparison:
     schema that begins with these is as good.
 
     Raises:
-        SchemaMismatchError: if the task's file of good schemas is damaged.
+        SchemaMismatchError: if the file of good schemas cannot be read, is damaged, or another task's.
 
     """
-    paper, *others = good_schemas(task)
+    paper, *others = good_schemas(task, good_set)
     if used == paper:
         verdict = SchemaVerdict.EQUAL
     elif any(used[: len(core)] == core for core in (paper, *map(_without_rest, others))):

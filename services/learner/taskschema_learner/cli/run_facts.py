@@ -34,6 +34,14 @@ def schema(
         Path | None,
         typer.Option(metavar="FILE", help="Write the schema to a signed file, for --init-schema anywhere."),
     ] = None,
+    good_schemas: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Compare with the good set that `taskschema audit --good-schemas FILE` wrote. Default: that "
+            "of this package, which its own tasks have.",
+        ),
+    ] = None,
 ) -> None:
     """Show the task schema that a run has learned: the most probable skill pair of every step."""
     from rich.console import Console
@@ -49,14 +57,14 @@ def schema(
         print_json(document)
         return
     task = task_of(folder.config)
-    comparison = compare(task, document.best)
+    comparison = compare(task, document.best, good_schemas)
     if not compare_paper:
         console = Console()
         console.print(schema_table(document.best))
         console.print(f"{document.task}, policy version {document.version}, {document.updated_at}")
     print(f"Schema found: {schema_words(comparison.found)}; {comparison.sentence}.")
     if compare_paper:
-        print("\n".join(explain(task, comparison)))
+        print("\n".join(explain(task, comparison, good_schemas)))
 
 
 def _export(folder: "RunFolder", path: Path) -> "SchemaDocument":
