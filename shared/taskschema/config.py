@@ -29,8 +29,8 @@ def _require(condition: bool, field: str, accepted: str) -> None:
 class PPOConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Settings of the policy gradient; the paper's values are the defaults where it gives one."""
 
-    algorithm: Literal["ppo", "reinforce"] = "ppo"
-    """Loss of the argument network (paper: PPO; the method is agnostic to it)."""
+    algorithm: str = "ppo"
+    """Name of the algorithm, the loss of the argument network (paper: PPO; the method is agnostic to it)."""
     learning_rate: float = 0.001
     """Step size of Adam (paper: 0.001; robot: 0.005)."""
     adam_epsilon: float = 1e-5

@@ -61,6 +61,8 @@ CASES = {
     "unknown task": (["train", "toi"], "Did you mean 'toy'?"),
     "no task": (["train"], "Name a TASK"),
     "unknown policy": (["train", "toy", "--policy", "shema"], "Did you mean 'schema'?"),
+    "unknown algorithm": (["train", "toy", "--set", "ppo.algorithm=reinforc"], "Did you mean 'reinforce'?"),
+    "unknown schema trainer": (["train", "toy", "--set", "schema.trainer=algorithm2"], "Valid: algorithm1"),
     "unknown observation": (["train", "toy", "--observation", "sound"], "Valid: image, state"),
     "a trunk for states": (["train", "toy", "--trunk", "small"], "for --observation image"),
     "looks for states": (["train", "toy", "--randomise-visuals"], "for --observation image"),

@@ -9,12 +9,16 @@ from bus_setup import wait_until
 
 from taskschema.bus.connection import connect
 from taskschema.bus.records import RunRecords
-from taskschema.config import RunConfig
+from taskschema.config import RunConfig, override
+from taskschema.errors import UnknownNameError
 from taskschema.metrics import RoundMetrics
 from taskschema.schema import SchemaView
+from taskschema_learner import composition
+from taskschema_learner.algorithms import ALGORITHMS
 from taskschema_learner.composition import TrainOptions, run_training
 from taskschema_learner.folder_state import folder_state
 from taskschema_learner.progress import Limits, Progress
+from taskschema_learner.reinforce import Reinforce
 from taskschema_learner.run_folder import RunFolder
 from taskschema_learner.training import TrainingContext
 
@@ -58,6 +62,20 @@ def options(shared_redis, tmp_path: Path, request) -> TrainOptions:
         redis=shared_redis.url,
         api=None,
     )
+
+
+@pytest.mark.parametrize("field", ["ppo.algorithm", "schema.trainer"])
+def test_an_unknown_method_is_refused_before_anything_is_written(options, field, monkeypatch):
+    monkeypatch.setattr(composition, "open_folder", lambda options: pytest.fail("a folder was made"))
+    config = override(options.config, {field: "guesswork"})
+    with pytest.raises(UnknownNameError, match="Valid: "):
+        run_training(replace(options, config=config), Watcher(options.redis, options.run_dir.name))
+
+
+def test_an_algorithm_of_one_s_own_trains(options, monkeypatch):
+    monkeypatch.setitem(ALGORITHMS, "mine", Reinforce)
+    mine = replace(options, config=override(options.config, {"ppo.algorithm": "mine"}))
+    assert run_training(mine, Watcher(options.redis, options.run_dir.name))
 
 
 def test_the_next_round_is_open_before_the_last_is_announced(options):

@@ -1,5 +1,6 @@
 """The policy gradients by name: the method is agnostic to which one trains the network (paper, IV-A)."""
 
+from collections.abc import Callable
 from typing import ClassVar, Protocol
 
 from torch import Tensor
@@ -40,7 +41,7 @@ class Algorithm(Protocol):
         ...
 
 
-ALGORITHMS: dict[str, type[PPO] | type[Reinforce]] = {item.name: item for item in (PPO, Reinforce)}
+ALGORITHMS: dict[str, Callable[[PPOConfig], Algorithm]] = {item.name: item for item in (PPO, Reinforce)}
 """All of them; a new one is a file and an entry here."""
 
 

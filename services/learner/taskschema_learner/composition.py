@@ -24,6 +24,7 @@ from taskschema.logs import bind
 from taskschema.policies import PolicySnapshot
 from taskschema.tasks.registry import task_of
 from taskschema.tasks.scene_task import SceneTask
+from taskschema_learner.algorithms import make_algorithm
 from taskschema_learner.api.process import ApiProcess
 from taskschema_learner.api.transport import Tls
 from taskschema_learner.embedded_redis import EmbeddedRedis
@@ -32,6 +33,7 @@ from taskschema_learner.learner import Learner
 from taskschema_learner.progress import Limits
 from taskschema_learner.run_folder import RunFolder
 from taskschema_learner.run_policies import initial_policy_of, published_trunk, trunk_to_bytes
+from taskschema_learner.schema_trainers import make_schema_trainer
 from taskschema_learner.summaries import SummaryWriter
 from taskschema_learner.training import Parts, TrainingContext, TrainingObserver, TrainingStoppedError, train
 from taskschema_learner.worker_pool import WorkerPool
@@ -82,6 +84,7 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
     """
     if options.ray is not None and options.redis is None:
         raise ConfigError("--ray on a cluster needs --redis: its workers cannot reach the embedded Redis.")
+    _require_known_methods(options.config)
     _require_renderer(options)
     stop = threading.Event()
     with ExitStack() as stack:
@@ -132,6 +135,17 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
         )
         undo.pop_all()
         return _train_to_the_end(parts, options.limits, context, stop, crew)
+
+
+def _require_known_methods(config: RunConfig) -> None:
+    """Refuse names of an algorithm or a schema trainer that are not registered.
+
+    Raises:
+        UnknownNameError: that lists those that are.
+
+    """
+    make_algorithm(config.ppo)
+    make_schema_trainer(config.schema)
 
 
 def _require_renderer(options: TrainOptions) -> None:

@@ -1,11 +1,15 @@
 """How the schema's logits are trained, by name; a new way is a file here and a line in the registry."""
 
+from collections.abc import Callable
+
 from taskschema.config import SchemaConfig
 from taskschema.errors import UnknownNameError
 from taskschema_learner.schema_trainers.algorithm1 import Algorithm1
 from taskschema_learner.schema_trainers.schema_trainer import SchemaTrainer
 
-SCHEMA_TRAINERS: dict[str, type[Algorithm1]] = {item.name: item for item in (Algorithm1,)}
+SCHEMA_TRAINERS: dict[str, Callable[[SchemaConfig], SchemaTrainer]] = {
+    item.name: item for item in (Algorithm1,)
+}
 
 __all__ = ["SCHEMA_TRAINERS", "Algorithm1", "SchemaTrainer", "make_schema_trainer"]
 
