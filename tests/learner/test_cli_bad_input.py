@@ -112,7 +112,7 @@ CASES = {
     "value out of range": (["train", "toy", "--set", "ppo.clip=-1"], "'clip' must be above 0"),
     "value of another type": (["train", "toy", "--set", "slots=many"], "slots"),
     "no slots": (["train", "toy", "--slots", "0"], "between 1 and 100000"),
-    "Ray elsewhere without Redis": (["train", "toy", "--ray", "10.0.0.1:6379"], "--redis"),
+    "Ray elsewhere without Redis": (["train", "toy", "--ray", "10.0.0.1:6379"], "--ray needs --redis"),
     "unreachable Redis": (["train", "toy", "--redis", "redis://127.0.0.1:1", "--api", "none"], "Redis"),
     "Redis of no kind": (["train", "toy", "--redis", "nonsense", "--api", "none"], "no Redis URL"),
     "address of no kind": (["train", "toy", "--api", "here"], "HOST:PORT"),

@@ -83,7 +83,7 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
         TaskschemaError: for whatever the user can mend; nothing is then left running.
     """
     if options.ray is not None and options.redis is None:
-        raise ConfigError("--ray on a cluster needs --redis: its workers cannot reach the embedded Redis.")
+        raise ConfigError("--ray needs --redis: a cluster's workers cannot reach the Redis inside this run.")
     _require_known_methods(options.config)
     _require_renderer(options)
     stop = threading.Event()

@@ -59,13 +59,10 @@ def train(
     Starts everything that it needs, shows how far it is, and ends at 90 % success. Ctrl-C stops it, and
     --resume goes on.
     """
-    from taskschema.errors import ConfigError
     from taskschema_learner.api.transport import Tls
     from taskschema_learner.cli.image_options import first_weights_sentence, read_trunk, with_image_options
     from taskschema_learner.cli.transfer import require_useful_schema, with_initial_policy
 
-    if ray is not None and redis is None:
-        raise ConfigError("--ray needs --redis: a cluster's workers cannot reach the Redis inside this run.")
     given = {
         name: value
         for name, value in context.params.items()
