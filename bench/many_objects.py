@@ -56,18 +56,18 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3, help="seeds 0 to N-1 of every object")
     parser.add_argument("--budget", type=int, default=40_000, help="give up after so many episodes")
     parser.add_argument("--workers", type=int, default=None, help="rollout actors (default: the cores)")
-    parser.add_argument("--out", type=Path, default=Path("results/many-objects"))
+    parser.add_argument("--output", type=Path, default=Path("results/many-objects"))
     parser.add_argument("--runs", type=Path, default=Path("runs/many-objects"))
     options = parser.parse_args()
     training = CellTraining(options.runs.absolute(), options.workers)
-    options.out.mkdir(parents=True, exist_ok=True)
+    options.output.mkdir(parents=True, exist_ok=True)
     with training.locked():
         train_all(options, training)
 
 
 def train_all(options: argparse.Namespace, training: CellTraining) -> None:
     """Train what is missing, one after the other, the transferred ones of a seed first."""
-    rows = read_rows(options.out)
+    rows = read_rows(options.output)
     for seed in range(options.seeds):
         for way in (TRANSFERRED, FROM_SCRATCH):
             for thing in OBJECTS:
@@ -80,7 +80,7 @@ def train_all(options: argparse.Namespace, training: CellTraining) -> None:
                 row = measure(path, thing, way, seed)
                 if row is not None:
                     rows[row.key] = row
-                    write(options.out, rows)
+                    write(options.output, rows)
                 if training.stopped or not good:
                     print("Stopped. The same command goes on.")
                     raise SystemExit(0 if training.stopped else 1)

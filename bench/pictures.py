@@ -58,7 +58,7 @@ def main() -> None:
         if name == VISUALS:
             draw_visuals(OUT / f"{VISUALS}.jpg")
             continue
-        options = [*OPTIONS, "--out", str(OUT / f"{name}.gif")]
+        options = [*OPTIONS, "--output", str(OUT / f"{name}.gif")]
         subprocess.run(
             [sys.executable, "-m", "taskschema_learner", "replay", *films[name], *options], check=True
         )

@@ -282,8 +282,9 @@ def test_the_command_trains_the_whole_experiment_by_default(monkeypatch, name):
     assert {plans[1].budget_of(cell, {}) for cell in cells} == {7000}
 
 
-def test_the_recorded_command_names_no_folder_of_this_machine():
-    typed = "taskschema experiment paper-sim --tasks toy --runs-dir /somewhere/else --out=here --workers 0"
+@pytest.mark.parametrize("output", ["--output=here", "--output here", "-o here", "-ohere"])
+def test_the_recorded_command_names_no_folder_of_this_machine(output):
+    typed = f"taskschema experiment paper-sim --tasks toy --runs-dir /somewhere/else {output} --workers 0"
     assert without_places(typed) == "taskschema experiment paper-sim --tasks toy --workers 0"
 
 

@@ -128,7 +128,7 @@ def test_a_trained_run_is_shown_and_bad_input_is_one_line(tmp_path):
         ([], "Name one of: a RUN; a task, --expert TASK"),
         (["--expert", "toy"], "Task 'toy' has no scene"),
         (["--expert", "liftin"], "Unknown task 'liftin'"),
-        ([name, "--out", "film.avi"], "film.avi has no ending that is known: use .mp4, .gif, .png"),
+        ([name, "--output", "film.avi"], "film.avi has no ending that is known: use .mp4, .gif, .png"),
         ([name, "--camera", "side"], "Unknown camera 'side'"),
     ]:
         result = subprocess.run(
@@ -160,7 +160,7 @@ def test_a_run_on_images_is_shown_from_above_with_its_response_maps(image_run, t
     film = tmp_path / "film.png"
     size = ["--width", "120", "--height", "120"]
     command = [COMMAND, "replay", image_run.path, "--camera", "overhead", "--episodes", "1", "--step", "1"]
-    made = subprocess.run([*command, *size, "--out", film], capture_output=True, text=True, timeout=200)
+    made = subprocess.run([*command, *size, "--output", film], capture_output=True, text=True, timeout=200)
     assert made.returncode == 0, made.stderr
     task = get_task("lateral-lifting")
     look = Look("overhead", 120, 120, step=1)

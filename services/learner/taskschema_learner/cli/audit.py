@@ -29,7 +29,8 @@ def audit(
     ] = "quick",
     seed: Annotated[int, typer.Option(help="Seed of the audit's searches and samples.")] = 0,
     output: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Also write the table there, as Markdown.")
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Also write the table there, as Markdown."),
     ] = None,
     good_schemas: Annotated[
         Path | None,

@@ -76,7 +76,9 @@ def experiment(
             "came out. The exit status is 1 if one differs.",
         ),
     ] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder of the results. Default: results/NAME.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder of the results. Default: results/NAME.")
+    ] = None,
     runs_dir: Annotated[Path | None, typer.Option(help="Folder of the runs. Default: runs/NAME.")] = None,
 ) -> None:
     """Train a matrix of tasks, policies and seeds, and write its tables and its figure.
@@ -113,15 +115,15 @@ def experiment(
     from taskschema_learner.experiment.recipe import ImagesSim, PaperSim
     from taskschema_learner.experiment.verification import verify_cells
 
-    out = out or Path("results") / name
-    recipe = ImagesSim(schemas or out / "schemas") if name == "images-sim" else PaperSim()
+    output = output or Path("results") / name
+    recipe = ImagesSim(schemas or output / "schemas") if name == "images-sim" else PaperSim()
     command = shlex.join(["taskschema", *sys.argv[1:]])
     runs = runs_dir or Path("runs") / name
     if verify:
-        _verify(verify_cells(name, plan, recipe, out, runs, workers))
+        _verify(verify_cells(name, plan, recipe, output, runs, workers))
         return
-    if run_experiment(name, plan, recipe, out, runs, workers, command):
-        print(f"All cells are done: {out / 'README.md'}")
+    if run_experiment(name, plan, recipe, output, runs, workers, command):
+        print(f"All cells are done: {output / 'README.md'}")
     else:
         print(f"Stopped. Continue with: {command}")
 

@@ -26,9 +26,9 @@ def replay(
         str | None,
         typer.Option(metavar="FILE:CLASS", help="Show the scripted expert of a task of your own."),
     ] = None,
-    out: Annotated[
+    output: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="File: .mp4, .gif or .png (the last frame). Default: NAME.mp4."),
+        typer.Option("--output", "-o", help="File: .mp4, .gif or .png (the last frame). Default: NAME.mp4."),
     ] = None,
     episodes: Annotated[int, typer.Option(min=1, max=100, help="Episodes to show.")] = 3,
     step: Annotated[
@@ -67,7 +67,7 @@ def replay(
     else:
         task = named_task(expert, task_file)
         name = f"{task.name}-expert"
-    path = out or Path(f"{name}.mp4")
+    path = output or Path(f"{name}.mp4")
     rate = frame_rate(path)
 
     from taskschema_learner.replay.film import write_film

