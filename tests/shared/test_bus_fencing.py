@@ -47,6 +47,16 @@ def test_older_learner_changes_nothing(run: Run, write: str) -> None:
     WRITES[write](newer, run)
 
 
+@pytest.mark.parametrize("write", WRITES)
+def test_a_learner_without_a_token_changes_nothing(run: Run, write: str) -> None:
+    holder = run.learner()
+    holder.open_round(0, toy_snapshot(0), range(8))
+    before = contents(run)
+    with pytest.raises(StaleTokenError, match="Another learner has taken over"):
+        WRITES[write](LearnerBus(run.client, run.name, run.config), run)
+    assert contents(run) == before
+
+
 def test_a_run_speaks_the_protocol_of_the_learner_that_holds_the_token(run: Run) -> None:
     older = run.learner()
     run.client.hset(run.keys.config, "protocol", PROTOCOL_VERSION - 1)

@@ -36,6 +36,8 @@ QUIET_SECONDS = 5.0
 """After this long without a result [s] the learner looks whether an open slot got lost."""
 READ_COUNT = 16
 """Entries read at once: bounds the memory that large messages take."""
+START = b"0-0"
+"""Id before all entries of a stream."""
 FORGET_WORKERS_SECONDS = 60.0
 """What a dead worker said about itself goes after this long [s]."""
 
@@ -59,6 +61,9 @@ class LearnerBus:
         self._token = 0
         self._door = self._new_door(0, (), "")
         self._quarantine = Quarantine(self._fenced, self._keys)
+        self._inherited = self._last_read = self._boundary = START
+        self._ready: list[SlotResult] = []
+        self._last_arrival = time.monotonic()
 
     @property
     def token(self) -> int:
@@ -88,9 +93,9 @@ class LearnerBus:
             self._token = int(pipe.execute()[0])
         ensure_group(self._client, self._keys)
         newest = self._client.xrevrange(self._keys.trajectories, count=1)
-        self._inherited: bytes = newest[0][0] if newest else b"0-0"
-        self._last_read, self._boundary = b"0-0", b"0-0"
-        self._ready: list[SlotResult] = []
+        self._inherited = newest[0][0] if newest else START
+        self._last_read = self._boundary = START
+        self._ready = []
         self._last_arrival = time.monotonic()
         return self._token
 
