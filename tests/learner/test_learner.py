@@ -11,6 +11,7 @@ from toy_rounds import TOY, collect, train
 
 from taskschema.config import PPOConfig, RunConfig, SchemaConfig
 from taskschema.errors import ConfigError, SchemaMismatchError
+from taskschema.policies import PolicySnapshot
 from taskschema.schema import one_hot_logits
 from taskschema.trajectory import Trajectory
 from taskschema_learner.learner import Learner
@@ -45,6 +46,20 @@ def sha_after_update(config: RunConfig, *, shuffle: int | None = None) -> str:
 
 def test_the_order_of_arrival_does_not_matter() -> None:
     assert len({sha_after_update(SMALL, shuffle=n) for n in (None, 1, 2)}) == 1
+
+
+def test_a_version_is_copied_once_and_every_other_one_is_its_own() -> None:
+    learner = Learner(SMALL, TOY)
+    first, start = learner.snapshot(), learner.arrays()
+    assert learner.snapshot() is first
+    sha256 = first.sha256
+    learner.update(with_successes(learner))
+    assert learner.snapshot() is learner.snapshot()
+    assert (learner.snapshot().version, learner.snapshot().sha256 != sha256) == (1, True)
+    fresh = PolicySnapshot(first.version, dict(first.weights), first.logits)
+    assert fresh.sha256 == sha256  # what was handed out has not changed
+    learner.restore(start)
+    assert (learner.snapshot().version, learner.snapshot().sha256) == (0, sha256)
 
 
 def test_seeds_differ() -> None:

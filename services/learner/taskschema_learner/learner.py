@@ -68,6 +68,7 @@ class Learner:
         self._schema_trainer = make_schema_trainer(config.schema)
         self._logits = _initial_logits(config, task)
         self._version = 0
+        self._snapshot: PolicySnapshot | None = None
         self._success_lengths = np.zeros(0, dtype=np.int64)
 
     @property
@@ -93,8 +94,10 @@ class Learner:
         return int(np.flatnonzero(needed)[-1]) + 1
 
     def snapshot(self) -> PolicySnapshot:
-        """Return the present policy version, to be published."""
-        return PolicySnapshot(self._version, self._network.weights(), self.logits)
+        """Return the present policy version, to be published: copied and hashed once, not to be changed."""
+        if self._snapshot is None:
+            self._snapshot = PolicySnapshot(self._version, self._network.weights(), self.logits)
+        return self._snapshot
 
     def update(self, trajectories: Sequence[Trajectory]) -> UpdateStatistics:
         """Train on the trajectories of round `version`, in whatever order they come.
@@ -105,6 +108,7 @@ class Learner:
         """
         if not trajectories or any(item.round != self._version for item in trajectories):
             raise ValueError(f"An update of version {self._version} takes trajectories of that round.")
+        self._snapshot = None
         ordered = in_order(trajectories)
         rng = round_generator(self._config.seed, self._version, Purpose.MINIBATCHES)
         statistics = self._optimiser.update(collate(ordered, self._task, self._config.observation), rng)
@@ -136,6 +140,7 @@ class Learner:
             logits = arrays["schema.logits"]
             if logits.shape != self._logits.shape:
                 raise ValueError(f"the schema's logits have shape {logits.shape}, not {self._logits.shape}")
+            self._snapshot = None
             self._network.load(_section(arrays, "weights."))
             self._optimiser.load(_section(arrays, "adam."))
             self._logits = logits.astype(np.float64)
