@@ -42,8 +42,8 @@ class RoundMetrics(msgspec.Struct, frozen=True, kw_only=True):
     """Wall time from opening the round to its last slot [s]."""
     seconds_update: float
     """Wall time of the update [s]."""
-    seconds_checkpoint: float
-    """Wall time of checkpoint and publishing [s]."""
+    seconds_checkpoint: float = 0.0
+    """Wall time of checkpoint and publishing [s]; 0 in the checkpoint itself."""
     sha256: str
     """Hash of the policy after the update."""
     refused: int = 0

@@ -6,8 +6,10 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from taskschema.config import RunConfig
 from taskschema.tasks import get_task
 from taskschema_learner.progress import Limits, Progress
+from taskschema_learner.run_folder import RunFolder
 from taskschema_learner.terminal import TerminalObserver
 from taskschema_learner.training import TrainingContext
 
@@ -29,6 +31,7 @@ class NoLog:
 def test_the_start_says_who_runs_the_episodes(agent, workers, words):
     screen = io.StringIO()
     observer = TerminalObserver(Console(file=screen), NoLog(), "")
-    context = TrainingContext(Path("runs/bar"), get_task("toy"), Limits(), workers, agent, None, None)
+    folder = RunFolder(Path("runs/bar"), RunConfig(task="toy"), agent, None)
+    context = TrainingContext(folder, get_task("toy"), Limits(), workers, agent, None, None)
     observer.on_start(context, 0, Progress())
     assert f"Run folder: runs/bar ({words}); stops at 90%" in screen.getvalue()

@@ -105,16 +105,23 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
         if options.api is not None:
             api = stack.enter_context(ApiProcess(api_url, folder.name, options.api, tls=options.api_tls))
         records.set_api(folder.name, api.url if api else None)
-        task = task_of(folder.config)
         learner = make_learner(options, folder)
         bus = LearnerBus(connect(url), folder.name, folder.config)
         bus.acquire()
         stack.enter_context(LearnerLife(bus))
         crew = stack.enter_context(ExitStack())
         tend_workers, workers = _start_workers(crew, options, url, folder.name)
-        parts = Parts(
-            task=task,
+        context = TrainingContext(
             folder=folder,
+            task=task_of(folder.config),
+            limits=options.limits,
+            workers=workers,
+            agent=options.agent,
+            api_url=api.url if api else None,
+            api_token=api.token if api and api.token_is_generated else None,
+        )
+        parts = Parts(
+            context=context,
             learner=learner,
             bus=bus,
             records=records,
@@ -124,17 +131,8 @@ def run_training(options: TrainOptions, observer: TrainingObserver) -> bool:
             ),
             tend_workers=tend_workers,
         )
-        context = TrainingContext(
-            folder=folder.path,
-            task=task,
-            limits=options.limits,
-            workers=workers,
-            agent=options.agent,
-            api_url=api.url if api else None,
-            api_token=api.token if api and api.token_is_generated else None,
-        )
         undo.pop_all()
-        return _train_to_the_end(parts, options.limits, context, stop, crew)
+        return _train_to_the_end(parts, stop, crew)
 
 
 def _require_known_methods(config: RunConfig) -> None:
@@ -171,13 +169,11 @@ def _forget_obeyed_stop(records: RunRecords, run: str) -> None:
         records.clear_requests(run)
 
 
-def _train_to_the_end(
-    parts: Parts, limits: Limits, context: TrainingContext, stop: threading.Event, crew: ExitStack
-) -> bool:
+def _train_to_the_end(parts: Parts, stop: threading.Event, crew: ExitStack) -> bool:
     try:
         with crew:  # workers that cannot be stopped are a failure, not an end
-            reason = train(parts, limits, context, stop)
-        mark_finished(parts.folder, parts.learner.version, reason)
+            reason = train(parts, stop)
+        mark_finished(parts.context.folder, parts.learner.version, reason)
     except TrainingStoppedError:
         parts.bus.set_state("stopped")
         parts.observer.on_finish("it was asked to stop", finished=False)

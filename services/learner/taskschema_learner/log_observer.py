@@ -26,13 +26,13 @@ class LogObserver:
 
     def on_start(self, context: TrainingContext, rounds_done: int, progress: Progress) -> None:
         """Say what is trained, with what and where."""
-        self._folder = context.folder
-        self._run_log.write_to(context.folder)
+        self._folder = context.folder.path
+        self._run_log.write_to(self._folder)
         if context.api_token is not None:
             log.warning("The API's token was generated and is not logged: set TASKSCHEMA_API_TOKEN.")
         facts = {
             "task": context.task.name,
-            "folder": str(context.folder),
+            "folder": str(self._folder),
             "agent": context.agent,
             "workers": context.workers or 0,
             "api": context.api_url,

@@ -54,11 +54,11 @@ class TerminalObserver:
     def on_start(self, context: TrainingContext, rounds_done: int, progress: Progress) -> None:
         """Say what is trained, with what and where."""
         self._context = context
-        self._log.write_to(context.folder)
+        self._log.write_to(context.folder.path)
         self._started = time.monotonic()
         self._ends.append((self._started, progress.episodes))
         self._say(f"Training {context.task.name}: {context.task.summary}")
-        self._say(f"Run folder: {context.folder} ({_crew(context)}); stops at {_goal(context)}.")
+        self._say(f"Run folder: {context.folder.path} ({_crew(context)}); stops at {_goal(context)}.")
         if context.api_url is not None:
             self._say(f"API: {context.api_url} (documentation: {context.api_url}/docs)")
         if context.api_token is not None and self._console.is_terminal:  # elsewhere it would be logged
@@ -100,7 +100,7 @@ class TerminalObserver:
             self._console.print(schema_table(best))
             found = "Schema given" if self._policy == "oracle" else "Schema found"
             self._say(f"{found}: {_finding(self._context, best)}")
-        self._say(f"Run folder: {self._context.folder}")
+        self._say(f"Run folder: {self._context.folder.path}")
         if finished:
             self._draw_curve()
         else:
@@ -119,7 +119,7 @@ class TerminalObserver:
     def _draw_curve(self) -> None:
         from taskschema_learner.plots import draw_curve
 
-        picture = draw_curve(self._context.folder)
+        picture = draw_curve(self._context.folder.path)
         if picture is not None:
             self._say(f"Learning curve: {picture}")
 
@@ -180,7 +180,7 @@ def _goal(context: TrainingContext) -> str:
 
 def _crew(context: TrainingContext) -> str:
     if context.agent == "robot":
-        return f"waiting for `taskschema-robot run {context.folder}`"
+        return f"waiting for `taskschema-robot run {context.folder.path}`"
     if context.workers is None:
         return "in this process"
     if context.workers == 0:

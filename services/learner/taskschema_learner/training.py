@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -31,9 +30,9 @@ log = logging.getLogger("taskschema.learner")
 
 @dataclass(frozen=True)
 class TrainingContext:
-    """What an observer may want to show about a training as a whole."""
+    """A training as a whole: what it is about, and what an observer may want to show of it."""
 
-    folder: Path
+    folder: RunFolder
     task: Task
     limits: Limits
     workers: int | None
@@ -66,8 +65,7 @@ class TrainingObserver(Protocol):
 class Parts:
     """What the loop works with."""
 
-    task: Task
-    folder: RunFolder
+    context: TrainingContext
     learner: Learner
     bus: LearnerBus
     records: RunRecords
@@ -101,14 +99,15 @@ class TrainingStoppedError(Exception):
     """Training was asked to stop between or within rounds; the run can be resumed."""
 
 
-def train(parts: Parts, limits: Limits, context: TrainingContext, stop: threading.Event) -> str:
+def train(parts: Parts, stop: threading.Event) -> str:
     """Train until a limit is reached and return which.
 
     Raises:
         TrainingStoppedError: if it was asked to stop before.
     """
-    progress = restore_run(parts.folder, parts.learner)
-    parts.bus.restore_curve(parts.folder.read_metrics())
+    context, limits, folder = parts.context, parts.context.limits, parts.context.folder
+    progress = restore_run(folder, parts.learner)
+    parts.bus.restore_curve(folder.read_metrics())
     if parts.learner.version > 0:
         write_files(parts)
     parts.observer.on_start(context, parts.learner.version, progress)
@@ -125,10 +124,10 @@ def train(parts: Parts, limits: Limits, context: TrainingContext, stop: threadin
         seconds = Seconds(opening.seconds, collected - opening.started, updated - collected)
         metrics = measure(parts, trajectories, statistics, progress, seconds)
         parts.bus.verify_token()
-        metrics = save_run(parts.folder, parts.learner, parts.bus.token, progress, metrics)
+        metrics = save_run(folder, parts.learner, parts.bus.token, progress, metrics)
         # What is durable can be built upon: workers run the next round while the world is told of this one.
         goes_on = limits.reached(progress, parts.learner.version) is None
-        paused = parts.records.pause_requested(parts.folder.name)
+        paused = parts.records.pause_requested(folder.name)
         opening = open_round(parts) if goes_on and not paused else None
         publish(parts, metrics)
         parts.bus.trim(metrics.round)
@@ -139,17 +138,18 @@ def train(parts: Parts, limits: Limits, context: TrainingContext, stop: threadin
 def open_round(parts: Parts) -> Opening:
     """Publish the learner's policy, and offer every slot of the round that it is to collect."""
     started, round_index = time.monotonic(), parts.learner.version
-    parts.bus.open_round(round_index, parts.learner.snapshot(), range(parts.folder.config.slots))
+    parts.bus.open_round(round_index, parts.learner.snapshot(), range(parts.context.folder.config.slots))
     return Opening(started, time.monotonic() - started)
 
 
 def collect_round(parts: Parts, stop: threading.Event) -> list[Trajectory]:
     """Wait for every slot of the open round and return its trajectories, sorted by slot and episode."""
     bind(round=parts.learner.version)
-    slots = parts.folder.config.slots
+    folder = parts.context.folder
+    slots = folder.config.slots
     results: dict[int, list[Trajectory]] = {}
     while len(results) < slots:
-        if stop.is_set() or parts.records.stop_requested(parts.folder.name):
+        if stop.is_set() or parts.records.stop_requested(folder.name):
             raise TrainingStoppedError
         parts.tend_workers()
         for result in parts.bus.results(timeout=0.25):
@@ -160,7 +160,7 @@ def collect_round(parts: Parts, stop: threading.Event) -> list[Trajectory]:
 
 def wait_while_paused(parts: Parts, stop: threading.Event) -> None:
     """Return when the run is not paused."""
-    records, run = parts.records, parts.folder.name
+    records, run = parts.records, parts.context.folder.name
     if not records.pause_requested(run):
         return
     parts.bus.set_state("paused")
@@ -178,7 +178,7 @@ def measure(
     progress: Progress,
     seconds: Seconds,
 ) -> RoundMetrics:
-    """Return the facts about a round."""
+    """Return the facts about a round but the time of its checkpoint."""
     logits = parts.learner.logits
     return RoundMetrics(
         round=parts.learner.version - 1,
@@ -202,7 +202,6 @@ def measure(
         seconds_publish=seconds.publish,
         seconds_collect=seconds.collect,
         seconds_update=seconds.update,
-        seconds_checkpoint=0.0,
         sha256=parts.learner.snapshot().sha256,
     )
 
@@ -216,19 +215,20 @@ def publish(parts: Parts, metrics: RoundMetrics) -> None:
 
 def write_files(parts: Parts) -> tuple[PolicySnapshot, SchemaDocument]:
     """Write the newest schema and policy into the run's folder, and return them."""
+    folder = parts.context.folder
     document = schema_view(parts).document(
-        run=parts.folder.name,
-        task=parts.task.name,
+        run=folder.name,
+        task=parts.context.task.name,
         version=parts.learner.version,
         used_steps=parts.learner.used_steps,
         updated_at=datetime.now(UTC).isoformat(timespec="seconds"),
     )
     snapshot = parts.learner.snapshot()
-    parts.folder.write_schema(document)
-    parts.folder.write_policy(snapshot.to_bytes())
+    folder.write_schema(document)
+    folder.write_policy(snapshot.to_bytes())
     return snapshot, document
 
 
 def schema_view(parts: Parts) -> SchemaView:
     """Return the current logits with the pairs that they are about."""
-    return SchemaView(parts.task.pairs, parts.learner.logits)
+    return SchemaView(parts.context.task.pairs, parts.learner.logits)
