@@ -1,4 +1,4 @@
-"""A run is a function of config and seed: whatever the workers, kills and restarts (design, section 4)."""
+"""A run is a function of config and seed: whatever the workers, kills and restarts (README, How it works)."""
 
 import os
 import signal

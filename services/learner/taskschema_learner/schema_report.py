@@ -1,4 +1,4 @@
-"""How a run's schema relates to the paper's: equal, equivalent or different (design, section 5)."""
+"""How a run's schema relates to the paper's: equal, equivalent or different (docs/read-a-schema.md)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

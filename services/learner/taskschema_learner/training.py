@@ -1,4 +1,4 @@
-"""The training loop: collect a round, learn from it, make it durable, tell the world (design, section 4)."""
+"""The training loop: collect a round, learn from it, make it durable, tell the world (docs/protocol.md)."""
 
 import logging
 import threading

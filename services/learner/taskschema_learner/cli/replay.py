@@ -42,8 +42,8 @@ def replay(
     camera: Annotated[
         str, typer.Option(metavar="front|close|overhead", help="Both arms, the hands, or straight down.")
     ] = "front",
-    width: Annotated[int, typer.Option(min=64, max=1920, help="Of the film [pixel].")] = 640,
-    height: Annotated[int, typer.Option(min=64, max=1440, help="Of the film [pixel].")] = 480,
+    width: Annotated[int, typer.Option(min=64, max=1920, help="Width of the film in pixels.")] = 640,
+    height: Annotated[int, typer.Option(min=64, max=1440, help="Height of the film in pixels.")] = 480,
 ) -> None:
     """Make a film of episodes, with the names of the skills written in.
 

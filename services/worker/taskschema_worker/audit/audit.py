@@ -1,4 +1,4 @@
-"""The audit itself: (a) the expert, (b) the good set, (c) random arguments (design section 5)."""
+"""The audit itself: (a) the expert, (b) the good set, (c) random arguments."""
 
 import itertools
 from collections.abc import Callable, Sequence

@@ -75,7 +75,7 @@ class SearchedSchema:
 
 @dataclass(frozen=True)
 class AuditReport:
-    """The three parts of an audit (design section 5)."""
+    """The three parts of an audit (results/audit holds the tasks')."""
 
     task: str
     paper_schema: Schema
