@@ -52,7 +52,7 @@ class BestPair(msgspec.Struct, frozen=True):
 
 
 class SchemaDocument(msgspec.Struct, frozen=True):
-    """A schema as `GET /schema` answers it and `schema.json` holds it (design, section 6)."""
+    """A schema as `GET /schema` answers it and `schema.json` holds it (docs/api.md)."""
 
     run: str
     task: str
