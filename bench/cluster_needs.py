@@ -38,6 +38,8 @@ def section(measured: growth.Growth) -> str:
         *needs(parts, presence, containers),
         "",
         *limits(parts),
+        "",
+        *paces(parts),
     ]
     return "\n".join(lines)
 
@@ -132,6 +134,19 @@ def limits(parts: growth.Parts) -> list[str]:
         f"{here.episodes_per_second:,.0f} episodes per second: twice as many workers make "
         f"{twice.episodes_per_second:,.0f}, less than half more. From {intake:,} workers on, the learner "
         "takes longer to take in a round's results than a worker to make one."
+    ]
+
+
+def paces(parts: growth.Parts) -> list[str]:
+    """Return what 500 workers wait for, and how many fill the learner's intake with large batches."""
+    count, slot = 500, parts.rollout_seconds[1]
+    round_ = growth.predict(parts, count, count)
+    _, full = growth.saturation(parts)["learner's intake"]
+    return [
+        f"A slot alone takes a worker {slot:.2f} s, {1e3 * slot / growth.EPISODES_PER_SLOT:.0f} ms an "
+        f"episode. A round of {count} slots takes the learner {count * parts.intake_seconds:.2f} s to take in "
+        f"and {round_.seconds_per_round * round_.learner_share:.2f} s to update with. Workers that run "
+        f"{max(parts.rollout_seconds)} slots as one batch fill its intake when they are {full:,.0f}."
     ]
 
 

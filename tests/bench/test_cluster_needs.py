@@ -2,7 +2,7 @@
 
 import pytest
 from bench import growth, learner_memory
-from bench.cluster_needs import limits, needs, section
+from bench.cluster_needs import limits, needs, paces, section
 from bench.presence import BEATING, measure
 from bench.report import SCALE, with_section
 from bench.saturation import sample_message
@@ -55,6 +55,15 @@ def test_there_is_a_limit_though_the_update_never_takes_half_of_a_round():
     (line,) = limits(parts)
     assert "up to some 60 workers" in line
     assert "From 100 workers on" in line
+
+
+def test_what_500_workers_wait_for():
+    # A slot of 4 episodes takes 0.1 s, 500 of them 0.5 s to take in and 5 x 0.1 s to update with.
+    # One worker makes 4 / 0.1 episodes a second, the intake takes 4 / 0.001.
+    (line,) = paces(PARTS)
+    assert "a worker 0.10 s, 25 ms an episode" in line
+    assert "500 slots takes the learner 0.50 s to take in and 0.50 s to update with" in line
+    assert "run 1 slots as one batch fill its intake when they are 100." in line
 
 
 @pytest.mark.timeout(600)
