@@ -141,11 +141,12 @@ def paces(parts: growth.Parts) -> list[str]:
     """Return what 500 workers wait for, and how many fill the learner's intake with large batches."""
     count, slot = 500, parts.rollout_seconds[1]
     round_ = growth.predict(parts, count, count)
+    intake, update = count * parts.intake_seconds, round_.seconds_per_round * round_.learner_share
     _, full = growth.saturation(parts)["learner's intake"]
     return [
         f"A slot alone takes a worker {slot:.2f} s, {1e3 * slot / growth.EPISODES_PER_SLOT:.0f} ms an "
-        f"episode. A round of {count} slots takes the learner {count * parts.intake_seconds:.2f} s to take in "
-        f"and {round_.seconds_per_round * round_.learner_share:.2f} s to update with. Workers that run "
+        f"episode. A round of {count} slots takes the learner {intake:.2f} s to take in and {update:.2f} s "
+        "to update with. Workers that run "
         f"{max(parts.rollout_seconds)} slots as one batch fill its intake when they are {full:,.0f}."
     ]
 

@@ -1,5 +1,9 @@
 """Every command of the pages about deployment is typed by a test, or the page says that it was not."""
 
+import re
+import subprocess
+from pathlib import Path
+
 import pytest
 from tests.compose.commands import BACKUP, FAULT, QUESTIONS, RESTORE, SCHEMA, UPGRADE
 from tests.compose.documented import ROOT, commands, script
@@ -13,15 +17,16 @@ MADE_BY_THE_COMPOSE_TEST = {
     "docker compose build",
     f"{FAULT} --off",
 }
+SECRETS = "(umask 077; grep -E '_(PASSWORD|TOKEN)=' .env > deploy/kubernetes/secrets.env)"
 IN_TESTS = {
-    "deploy.md": {*MADE_BY_THE_COMPOSE_TEST, *QUESTIONS, SCHEMA, FAULT},
+    "deploy.md": {*MADE_BY_THE_COMPOSE_TEST, *QUESTIONS, SCHEMA, FAULT, SECRETS},
     "operate.md": {
         line
         for heading in ("Back up a run", "Restore a run", BACKUP, RESTORE, UPGRADE)
         for line in script("operate.md", heading).splitlines()
     },
 }
-NOT_RUN = ("kubectl ", "POD=$(kubectl ", "make env && grep ")
+NOT_RUN = ("kubectl ", "POD=$(kubectl ")
 """On a cluster."""
 
 
@@ -38,6 +43,19 @@ def test_each_command_is_typed_by_a_test_or_said_not_to_be(page: str) -> None:
             )
         else:
             assert command in IN_TESTS[page], f"docs/{page}: {command}"
+
+
+def test_the_secrets_of_kubernetes_are_those_of_env_and_for_their_owner_alone(tmp_path: Path) -> None:
+    settings = subprocess.run([ROOT / "deploy/docker/new-env.sh"], capture_output=True, text=True, check=True)
+    (tmp_path / ".env").write_text(settings.stdout, encoding="utf-8")
+    (tmp_path / "deploy/kubernetes").mkdir(parents=True)
+    assert SECRETS in commands("deploy.md")
+    subprocess.run(["sh", "-c", f"umask 022; {SECRETS}"], cwd=tmp_path, check=True)
+    file = tmp_path / "deploy/kubernetes/secrets.env"
+    assert file.stat().st_mode & 0o077 == 0
+    wanted = re.findall(r"^\w+_(?:PASSWORD|TOKEN)=\w+$", settings.stdout, re.MULTILINE)
+    assert file.read_text(encoding="utf-8").splitlines() == wanted
+    assert len(wanted) == 9
 
 
 def test_what_the_compose_test_types_stands_in_the_page() -> None:
