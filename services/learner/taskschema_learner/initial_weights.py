@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from taskschema.arrays import Float32Array, FloatArray
 from taskschema.config import NetworkConfig, RunConfig
@@ -90,7 +91,8 @@ def initial_spatial_weights(
 def _orthogonal(rng: np.random.Generator, rows: int, columns: int) -> FloatArray:
     """Return a random [rows, columns] matrix whose shorter side is orthonormal."""
     tall = rng.standard_normal((max(rows, columns), min(rows, columns)))
-    q, r = np.linalg.qr(tall)
+    with threadpool_limits(limits=1):  # more take ten times as long on busy cores, with the same bits
+        q, r = np.linalg.qr(tall)
     q = q * np.sign(np.diag(r))  # makes the distribution uniform over orthogonal matrices
     result: FloatArray = q if rows >= columns else q.T
     return result
