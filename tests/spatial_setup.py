@@ -1,15 +1,21 @@
 """A spatial network on toy frames, for tests."""
 
+from collections import OrderedDict
+from functools import cache
+
 import numpy as np
+import torch
 
 from taskschema.config import ImageConfig, RunConfig
 from taskschema.policies import ImagePolicy, PolicySnapshot
+from taskschema.policies.spatial_trunk import TRUNKS
 from taskschema.randomness import EpisodeKey, Purpose, generator
 from taskschema.skills.pairs import PairSpace
 from taskschema.skills.registry import SKILLS
 from taskschema.skills.table_space import TableRectangle
 from taskschema.tasks.toy import Toy
 from taskschema_learner.initial_weights import initial_spatial_weights
+from taskschema_learner.vgg_weights import TORCHVISION_LAYERS
 
 TOY = Toy()
 FAMILIES = {
@@ -38,6 +44,18 @@ def some_weights(trunk: str = "small", seed: int = 0) -> dict[str, np.ndarray]:
     weights["value.weight"] = rng.normal(0.0, 0.05, weights["value.weight"].shape).astype(np.float32)
     weights["log_std"] = rng.uniform(-2.0, -1.0, weights["log_std"].shape).astype(np.float32)
     return weights
+
+
+@cache
+def torchvision_weights() -> OrderedDict[str, torch.Tensor]:
+    """Return torchvision's state dict of VGG16 with other numbers; to be left as it is."""
+    generator = torch.Generator().manual_seed(0)
+    content = OrderedDict()
+    for number, layer in zip(TORCHVISION_LAYERS, TRUNKS["vgg16"], strict=True):
+        content[f"features.{number}.weight"] = 0.02 * torch.randn(layer.shape, generator=generator)
+        content[f"features.{number}.bias"] = 0.02 * torch.randn(layer.outputs, generator=generator)
+    content["classifier.6.bias"] = torch.zeros(1000)  # the rest of VGG is there, and unused
+    return content
 
 
 def some_policy(trunk: str = "small", logits: np.ndarray | None = None) -> ImagePolicy:

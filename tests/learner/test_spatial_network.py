@@ -1,11 +1,13 @@
 """The spatial network: the same in numpy and torch, and its mixed action's density is exact."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
 import torch
 from spatial_setup import TOY, image_config, some_policy, some_weights, streams, toy_frames
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from taskschema.policies import policy_of
 from taskschema.policies.spatial_layout import CELLS, SpatialLayout
@@ -14,6 +16,7 @@ from taskschema.policies.spatial_trunk import TRUNKS
 from taskschema.randomness import Purpose, round_generator
 from taskschema.trajectory import Trajectory
 from taskschema_learner.batch import collate
+from taskschema_learner.initial_weights import initial_spatial_weights
 from taskschema_learner.learner import Learner
 from taskschema_learner.optimiser import Optimiser
 from taskschema_learner.parallel_parts import ParallelParts
@@ -27,17 +30,23 @@ from taskschema_learner.spatial_network import (
 LAYOUT = SpatialLayout(TOY.image_pairs)
 
 
-def torch_network(trunk: str) -> SpatialNetwork:
+def torch_network(trunk: str, weights: dict[str, np.ndarray] | None = None) -> SpatialNetwork:
     network = SpatialNetwork(TOY, image_config(trunk).image)
-    network.load(some_weights(trunk))
+    network.load(weights or some_weights(trunk))
     return network
 
 
-@pytest.mark.parametrize(("trunk", "count"), [("small", 3), pytest.param("vgg16", 1, marks=pytest.mark.slow)])
+@cache
+def drawn_once(trunk: str) -> dict[str, np.ndarray]:
+    """VGG16's weights take longer to draw than a frame to see; for tests without `cheap_vgg`."""
+    return some_weights(trunk)
+
+
+@pytest.mark.parametrize(("trunk", "count"), [("small", 3), ("vgg16", 1)])
 def test_numpy_and_torch_compute_the_same(trunk, count):
-    frames = toy_frames(count)
-    expected = NumpyNetwork(some_weights(trunk), trunk, LAYOUT, TOY.table, TOY.table_view).forward(frames)
-    network = torch_network(trunk)
+    frames, weights = toy_frames(count), drawn_once(trunk)
+    expected = NumpyNetwork(weights, trunk, LAYOUT, TOY.table, TOY.table_view).forward(frames)
+    network = torch_network(trunk, weights)
     with torch.no_grad():
         found = network(network.inputs(frames))
     for name in ("response", "mean", "log_std", "value"):
@@ -48,16 +57,28 @@ def test_numpy_and_torch_compute_the_same(trunk, count):
     assert found.response.std() > 0.01
 
 
-@pytest.mark.parametrize(
-    ("trunk", "channels"), [("small", 32), pytest.param("vgg16", 512, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("trunk", "channels"), [("small", 32), ("vgg16", 512)])
 def test_the_maps_have_the_papers_shapes(trunk, channels):
-    network = torch_network(trunk)
+    network = torch_network(trunk, drawn_once(trunk))
     features = network._features(torch.from_numpy(toy_frames(1)), network._named())
     assert features.shape == (1, channels, 16, 16)
     squeezed, maps = network._maps_of(network.flat, network.inputs(toy_frames(1)))
     assert squeezed.shape == (1, 16, 8, 8)
     assert maps.shape == (1, 2 + 4 + 2 * 1, 8, 8)
+
+
+def test_first_weights_are_drawn_on_one_thread(monkeypatch):
+    """On more a VGG16 takes minutes where the cores have other work."""
+    threads, factorise = set(), np.linalg.qr
+
+    def watched(matrix):
+        threads.update(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
+        return factorise(matrix)
+
+    monkeypatch.setattr(np.linalg, "qr", watched)
+    with threadpool_limits(limits=2):
+        initial_spatial_weights(np.random.default_rng(0), image_config(), TOY)
+    assert threads == {1}
 
 
 def evaluation(batch: int, seed: int = 0) -> SpatialEvaluation:

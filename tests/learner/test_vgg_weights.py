@@ -3,32 +3,20 @@
 import hashlib
 import os
 from collections import OrderedDict
-from functools import cache
 
 import numpy as np
 import pytest
 import torch
 from safetensors.torch import save_file
+from spatial_setup import torchvision_weights
 
 from taskschema.errors import TrunkError
-from taskschema.policies.spatial_trunk import TRUNKS
 from taskschema_learner.inert_pickle import read_state_dict
 from taskschema_learner.vgg_weights import TORCHVISION_LAYERS, read_vgg_weights
 
 
 def state_dict(changes=None):
-    return OrderedDict(weights() | (changes or {}))
-
-
-@cache
-def weights():
-    generator = torch.Generator().manual_seed(0)
-    content = OrderedDict()
-    for number, layer in zip(TORCHVISION_LAYERS, TRUNKS["vgg16"], strict=True):
-        content[f"features.{number}.weight"] = torch.randn(layer.shape, generator=generator)
-        content[f"features.{number}.bias"] = torch.randn(layer.outputs, generator=generator)
-    content["classifier.6.bias"] = torch.zeros(1000)  # the rest of VGG is there, and unused
-    return content
+    return OrderedDict(torchvision_weights() | (changes or {}))
 
 
 @pytest.fixture(scope="module")
