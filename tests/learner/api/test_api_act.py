@@ -154,6 +154,7 @@ def test_what_is_no_frame_is_one_clear_line(served, pictures):
     for body, line in (
         (see(served, frame[:100]), "expected 196608"),
         (see(served, frame * 0), "black"),
+        (see(served, frame[..., ::-1]), "observation: frame 0 shows a blue table"),
         (served.http.post("/act?run=pictures", json={"observation": "?", "step": 0}), "not base64"),
         (served.http.post("/act?run=pictures", json={"observation": VECTOR, "step": 0}), "sees images"),
         (act(served.http, observation="AAAA"), "sees states"),

@@ -13,7 +13,7 @@ from taskschema.arrays import AnyArray, Float32Array, FloatArray
 from taskschema.bus.records import PublishedPolicy
 from taskschema.config import RunConfig
 from taskschema.errors import FrameError, UnknownNameError
-from taskschema.frames import FRAME_SHAPE, check_frames
+from taskschema.frames import FRAME_SHAPE, check_colour_order, check_frames
 from taskschema.observation import ObservationLayout
 from taskschema.policies import ActingPolicy, ImagePolicy, PolicySnapshot, policy_of
 from taskschema.randomness import EpisodeKey, Purpose, generator
@@ -121,7 +121,7 @@ def frame_of(text: str) -> AnyArray:
     """Return the frame [1, 256, 256, 3] in base64.
 
     Raises:
-        RequestError: if it is no base64, of another size, or black.
+        RequestError: if it is no base64, of another size, black, or has red and blue exchanged.
     """
     try:
         data = base64.b64decode(text, validate=True)
@@ -135,6 +135,7 @@ def frame_of(text: str) -> AnyArray:
     frames = np.frombuffer(data, dtype=np.uint8).reshape(1, *FRAME_SHAPE)
     try:
         check_frames(frames)
+        check_colour_order(frames)
     except FrameError as error:
         raise RequestError(f"observation: {error}.") from None
     return frames
