@@ -185,6 +185,30 @@ def test_the_expert_lifts_the_bar_from_places_on_the_table():
         environment.close()
 
 
+@needs_renderer
+def test_a_renderer_that_is_stuck_is_found_as_soon_as_an_arm_moves(monkeypatch):
+    environment = make_environment(BAR, observation="image")
+    still, away = BAR.pairs.index("no_op", "no_op"), BAR.pairs.index("lift", "lift")
+    with closing(environment):
+        picture = environment.reset(resets(2))[1]
+        monkeypatch.setattr(environment._environment._renderer, "render", lambda positions: picture)
+        episodes, arguments = np.arange(2), np.full((2, BAR.image_pairs.argument_count), 0.1)
+        environment.step(episodes[1:], np.array([still]), arguments[1:])  # honest, if it draws the right one
+        with pytest.raises(FrameError, match=r"frame 1 is the same .* moved by 10 cm: the camera is frozen"):
+            environment.step(episodes, np.array([still, away]), arguments)
+        environment.reset(resets(2))  # begins anew: an episode has nothing to do with the one before
+
+
+@needs_renderer
+def test_a_step_in_which_nothing_moves_may_show_the_same_frame():
+    environment = make_environment(BAR, observation="image")
+    with closing(environment):
+        first = environment.reset(resets(2))
+        pairs = np.full(2, BAR.pairs.index("no_op", "no_op"))
+        arguments = np.zeros((2, BAR.image_pairs.argument_count))
+        assert np.array_equal(environment.step(np.arange(2), pairs, arguments).observations, first)
+
+
 def test_an_episode_is_the_same_to_the_bit_on_any_number_of_threads():
     policy = some_policy()
     found = []

@@ -6,7 +6,9 @@ import numpy as np
 
 from taskschema.arrays import FloatArray, IntArray
 from taskschema.frames import FRAME_SHAPE, FRAME_SIZE, Frames
+from taskschema.kinematics.sawyer import sawyer_pair
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
+from taskschema_worker.camera_watch import CameraWatch
 from taskschema_worker.plan_gate import PlanGate
 from taskschema_worker.rendering.looks import Looks
 from taskschema_worker.rendering.scene_renderer import SceneRenderer
@@ -52,17 +54,30 @@ class SeenSceneEnvironment(SceneEnvironment):
     def reset_to(self, instances: Sequence[ObjectInstance]) -> FloatArray:
         """Start one episode per given object instance; see `SceneEnvironment`."""
         self._instances = list(instances)
+        self._watch = CameraWatch()
         return super().reset_to(instances)
 
     def frames(self, episodes: IntArray) -> Frames:
-        """Draw M episodes as they are now: [M, 256, 256, 3]."""
+        """Draw M episodes as they are now: [M, 256, 256, 3].
+
+        Raises:
+            FrameError: if an episode looks as it did before although it has visibly moved.
+
+        """
         frames = np.empty((len(episodes), *FRAME_SHAPE), dtype=np.uint8)
         for row, episode in enumerate(episodes):
             self._renderer.set_object(self._instances[episode])
             if self._looks:
                 self._renderer.set_looks(self._looks[episode])
             frames[row] = self._renderer.render(self._simulation.positions[episode])
+        self._watch.look(episodes, frames, self._places(episodes))
         return frames
+
+    def _places(self, episodes: IntArray) -> FloatArray:
+        """Return where both hands and the object are [M, 3, 3]."""
+        joints = self._simulation.arm_joints(episodes)
+        hands = [arm.forward(joints[:, side])[0] for side, arm in enumerate(sawyer_pair())]
+        return np.stack([*hands, self._simulation.object_poses(episodes)[:, :3]], axis=1)
 
     def pose_anchors(self, episodes: IntArray) -> FloatArray:
         """Return the objects' centres on the table, and where poses without a height go: [M, 3]."""
