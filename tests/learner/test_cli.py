@@ -1,6 +1,7 @@
 """The `taskschema` command as a user types it, on a toy run that a real training made."""
 
 import json
+import re
 import subprocess
 import sys
 import time
@@ -9,6 +10,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from rendering_setup import renders
 from typer.testing import CliRunner
 
 from taskschema.schema import SchemaDocument
@@ -17,6 +19,7 @@ from taskschema_learner.cli.transfer import initial_logits
 from taskschema_learner.run_folder import RunFolder
 from taskschema_learner.schema_file import read_schema
 from taskschema_learner.verification import verify
+from taskschema_worker.rendering.backend import working_backend
 
 COMMAND = Path(sys.executable).with_name("taskschema")
 TRAIN = ["train", "toy", "--workers", "0", "--slots", "5", "--seed", "3", "--api", "none"]
@@ -175,6 +178,14 @@ def test_doctor_tells_what_works(place):
     assert {"python", "packages", "cores", "memory", "disk", "physics", "rendering", "redis"} <= set(checks)
     assert checks["redis"]["status"] == checks["torch"]["status"] == "works"
     assert all(check["advice"] for check in checks.values() if check["status"] != "works")
+    rendering = checks["rendering"]
+    assert rendering["status"] == ("works" if renders() else "optional")
+    if renders():
+        line = r"(\w+) draws with \S.*: ([\d.]+) ms for an overhead frame"
+        drawn = re.fullmatch(line, rendering["finding"])
+        assert drawn, rendering["finding"]
+        assert drawn[1] == working_backend()
+        assert 0.0 < float(drawn[2]) < 10_000.0
 
 
 def test_serve_answers_from_the_folder(place):
