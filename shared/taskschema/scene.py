@@ -4,8 +4,10 @@ It is text here, and needs no simulator: workers compile it for speed, a robot's
 """
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterable
 from importlib import resources
 
+from taskschema.errors import TaskFileError
 from taskschema.kinematics.rotation import matrix_to_quaternion
 from taskschema.kinematics.sawyer import sawyer_pair
 from taskschema.skills.pairs import ARMS
@@ -25,13 +27,53 @@ MASKS: dict[str, tuple[int, int]] = {
     "right": (RIGHT, TABLE | OBJECT),
 }
 """Contact type and affinity of each group. An arm never touches itself: its skills keep far from that."""
+FREE_JOINTS = ("freejoint[@name='object']", "joint[@name='object'][@type='free']")
+"""Where the object's free joint stands in its body."""
 NAMES = ("name", "joint", "class")
 """Attributes of an arm's elements that hold names."""
 
 
 def scene_mjcf(task: SceneTask) -> ET.Element:
-    """Return the task's scene as MJCF; see `compose_scene`."""
+    """Return the task's scene as MJCF; see `compose_scene`.
+
+    Raises:
+        TaskFileError: if its `object_mjcf` is no XML, or has not the body and the joints that it must have.
+    """
+    _require_object(task)
     return compose_scene(task.name, task.object_mjcf)
+
+
+def _require_object(task: SceneTask) -> None:
+    """Refuse an object of which it would not be known where it is.
+
+    Raises:
+        TaskFileError: that says what is needed.
+    """
+    try:
+        model = ET.fromstring(task.object_mjcf.strip())
+    except ET.ParseError as error:
+        raise TaskFileError(f"object_mjcf of task {task.name!r} is no XML: {error}.") from None
+    if model.find("worldbody/body[@name='object']") is None:
+        raise TaskFileError(
+            f"object_mjcf of task {task.name!r} has no body called object in its worldbody: it needs "
+            '<body name="object"><freejoint name="object"/>...</body>.'
+        )
+    if not any(model.find(f"worldbody/body[@name='object']/{joint}") is not None for joint in FREE_JOINTS):
+        raise TaskFileError(
+            f"object_mjcf of task {task.name!r} has no free joint called object: its body needs "
+            '<freejoint name="object"/>.'
+        )
+    elements = [element for world in model.findall("worldbody") for element in world.iter()]
+    joints = [element.get("name") for element in elements if element.tag in ("joint", "freejoint")]
+    if joints != ["object", *task.object_joints]:
+        raise TaskFileError(
+            f"The joints in object_mjcf of task {task.name!r} must be the free joint object and then its "
+            f"object_joints ({_words(task.object_joints)}), in this order, but are: {_words(joints)}."
+        )
+
+
+def _words(names: Iterable[str | None]) -> str:
+    return ", ".join(name or "one without a name" for name in names) or "none"
 
 
 def compose_scene(name: str, object_mjcf: str) -> ET.Element:

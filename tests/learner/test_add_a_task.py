@@ -92,7 +92,7 @@ class Own(LateralLifting):
             "lift, no_op, top_grasp",
         ),
         ("family = 'stacking'", "family 'stacking' allows: no_op"),
-        ("pairs = None", "not complete"),
+        ("pairs = None", "pairs must be a PairSpace"),
     ],
 )
 def test_a_skill_that_the_family_does_not_allow_is_refused(lines, reason):

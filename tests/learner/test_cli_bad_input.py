@@ -13,12 +13,23 @@ from taskschema.schema import SchemaView
 from taskschema.tasks import get_task
 from taskschema_learner.run_folder import RunFolder
 
+ROOT = Path(__file__).parents[2]
+TRAY = (ROOT / "docs/examples/tray.py").read_text()
+TOY = (ROOT / "shared/taskschema/tasks/toy.py").read_text()
 COMMAND = Path(sys.executable).with_name("taskschema")
 
 
 @pytest.fixture
 def place(tmp_path):
     (tmp_path / "task.py").write_text("raise ValueError('broken')\n")
+    for name, old, new in (
+        ("unknown_skill", '"lift", "no_op"', '"lft", "no_op"'),
+        ("no_body", '<body name="object">', '<body name="tray">'),
+        ("no_scene", 'type="box"', 'type="bax"'),
+        ("no_expert", "return arguments", "return arguments[0]"),
+    ):
+        (tmp_path / f"{name}.py").write_text(TRAY.replace(old, new))
+    (tmp_path / "no_pictures.py").write_text(TOY.replace("def frames", "def no_frames"))
     (tmp_path / "no_class.py").write_text("number = 1\n")
     (tmp_path / "no_schema.json").write_text("{}\n")
     RunFolder.create(tmp_path / "runs" / "untrained", RunConfig(task="toy"))
@@ -84,9 +95,25 @@ CASES = {
         "holds no public key",
     ),
     "unknown task file": (["train", "--task-file", "no.py:Task"], "'no.py' cannot be read"),
+    "task file with an unknown skill": (
+        ["train", "--task-file", "unknown_skill.py:Tray"],
+        ": Unknown skill 'lft'. Did you mean 'lift'? Valid: go_to_pose, ",
+    ),
+    "task file without the object": (
+        ["train", "--task-file", "no_body.py:Tray"],
+        "has no body called object",
+    ),
+    "task file whose scene does not compile": (
+        ["train", "--task-file", "no_scene.py:Tray", "--workers", "1"],
+        "no_scene.py: object_mjcf of task 'tray' does not compile: XML Error",
+    ),
+    "task file without pictures": (
+        ["train", "--task-file", "no_pictures.py:Toy", "--observation", "image", "--workers", "1"],
+        "Task 'toy' has no pictures: use --observation state.",
+    ),
     "task file without class": (["train", "--task-file", "task.py"], "FILE:CLASS"),
     "broken task file": (["train", "--task-file", "task.py:Task"], "ValueError: broken"),
-    "task file of another class": (["train", "--task-file", "no_class.py:Task"], "has no Task class 'Task'"),
+    "task file of another class": (["train", "--task-file", "no_class.py:Task"], "There is no Task class 'Task'"),
     "unknown schema": (["train", "toy", "--init-schema", "none"], "Unknown run 'none'"),
     "no schema in the file": (["train", "toy", "--init-schema", "no_schema.json"], "is not a schema"),
     "a schema for a policy without one": (
@@ -147,6 +174,18 @@ CASES = {
     "resume of a corrupt run": (["train", "--resume", "--run-dir", "runs/corrupt"], "damaged config.json"),
     "unknown audit": (["audit", "toi"], "Unknown task"),
     "audit of nothing": (["audit"], "Name a TASK"),
+    "audit of a file with an unknown skill": (
+        ["audit", "--task-file", "unknown_skill.py:Tray"],
+        "Did you mean 'lift'?",
+    ),
+    "audit of a file whose expert is not fit": (
+        ["audit", "--task-file", "no_expert.py:Tray"],
+        "no_expert.py: what expert_arguments returns must be an array [10, 8]",
+    ),
+    "film of a file whose expert is not fit": (
+        ["replay", "--task-file", "no_expert.py:Tray"],
+        "no_expert.py: what expert_arguments returns must be an array [10, 8]",
+    ),
     "audit of no file": (["audit", "--task-file", "nowhere.py:Mine"], "'nowhere.py' cannot be read"),
     "scale of nothing": (["scale", "3"], "No run trains here"),
     "scale of an unknown run": (["scale", "3", "--run", "nope"], "Unknown run 'nope'"),

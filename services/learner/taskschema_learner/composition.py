@@ -153,14 +153,22 @@ def _require_renderer(options: TrainOptions) -> None:
 
     Raises:
         RenderingError: that says what to install.
+        ConfigError: if nothing shows how the task looks, or its looks cannot vary.
 
     """
     config = options.config
     elsewhere = options.ray is not None or options.agent == "robot"
-    if config.observation == "image" and not elsewhere and isinstance(task_of(config), SceneTask):
+    if config.observation != "image" or elsewhere:
+        return
+    task = task_of(config)
+    if isinstance(task, SceneTask):
         from taskschema_worker.rendering.backend import working_backend
 
         working_backend()
+    else:
+        from taskschema_worker.environments import environment_of
+
+        environment_of(config, task).close()
 
 
 def _forget_obeyed_stop(records: RunRecords, run: str) -> None:

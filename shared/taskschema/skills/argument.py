@@ -1,5 +1,6 @@
 """Continuous arguments of skills and their search spaces (paper, Table III)."""
 
+import math
 from dataclasses import dataclass
 
 from taskschema.errors import ConfigError
@@ -27,5 +28,7 @@ class Argument:
     """Whether `low` and `high` are the same value (a full turn)."""
 
     def __post_init__(self) -> None:
-        if not self.low < self.high:
-            raise ConfigError(f"Argument {self.name!r}: low {self.low} must be below high {self.high}.")
+        if not -math.inf < self.low < self.high < math.inf:
+            raise ConfigError(
+                f"Argument {self.name!r}: low {self.low} must be below high {self.high}, both finite."
+            )

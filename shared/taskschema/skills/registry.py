@@ -10,9 +10,17 @@ from taskschema.skills.skill import Skill
 from taskschema.skills.top_grasp import TopGrasp
 from taskschema.skills.twist import Twist
 
-SKILLS: dict[str, Skill] = {
-    skill.name: skill for skill in (TopGrasp(), SideGrasp(), GoToPose(), Lift(), Twist(), Rotate(), NoOp())
-}
+
+class SkillTable(dict[str, Skill]):
+    """Skills by name; to look up one that there is not raises an error that lists those that there are."""
+
+    def __missing__(self, name: str) -> Skill:
+        raise UnknownNameError("skill", name, self)
+
+
+SKILLS = SkillTable(
+    {skill.name: skill for skill in (TopGrasp(), SideGrasp(), GoToPose(), Lift(), Twist(), Rotate(), NoOp())}
+)
 
 
 def get_skill(name: str) -> Skill:
@@ -21,6 +29,4 @@ def get_skill(name: str) -> Skill:
     Raises:
         UnknownNameError: if there is none; the message lists the valid ones.
     """
-    if name not in SKILLS:
-        raise UnknownNameError("skill", name, SKILLS)
     return SKILLS[name]

@@ -74,7 +74,7 @@ def train(
         agent = given.get("agent", folder.agent or agent)
         device = given.get("device", folder.device or device)
     else:
-        config = _new_config(task, task_file, agent)
+        config = _new_config(task, task_file, agent, runs_here=ray is None and agent != "robot")
     tls = Tls.of(api_tls_cert, api_tls_key)
     first_trunk = read_trunk(vgg_weights)
     config = with_image_options(_with_options(config, given), given, first_trunk)
@@ -125,17 +125,19 @@ def _agent_kind(name: str) -> "AgentKind":
     return cast("AgentKind", name)
 
 
-def _new_config(task: str | None, task_file: str | None, agent: str) -> "RunConfig":
+def _new_config(task: str | None, task_file: str | None, agent: str, *, runs_here: bool) -> "RunConfig":
     """Return the config of a task with all defaults, for workers or for a robot.
 
     Raises:
-        TaskschemaError: if there is no such task.
+        TaskschemaError: if there is no such task, or one of the user's own is not fit for a run.
 
     """
-    from taskschema_learner.cli.task_reference import task_and_source
+    from taskschema_learner.cli.task_reference import own_task, task_and_source
     from taskschema_learner.default_config import default_config, robot_config
 
     name, source = task_and_source(task, task_file)
+    if task_file is not None:
+        own_task(task_file, runs_here=runs_here)
     config = default_config(name, task_source=source)
     return robot_config(config) if _agent_kind(agent) == "robot" else config
 
