@@ -1,32 +1,61 @@
 """The first day's list, on a twin: what is good, what is not, and what is said of it."""
 
+import re
+import threading
+import time
+from functools import partial
+
 import numpy as np
 import pytest
 from marker_scene import INTRINSICS, draw
+from person_at_terminal import HOLD, PATIENT, PersonAtTerminal
 from recording_arms import TestBench
-from twin_setup import LockStep
+from twin_setup import LockStep, RunningTwin
+from typer.testing import CliRunner
 
 from taskschema.config import RunConfig
+from taskschema.errors import ConfigError
+from taskschema.kinematics.sawyer import sawyer
 from taskschema.safety.limits import SafetyLimits
+from taskschema.skills.pairs import ARMS
 from taskschema_robot.agent import first_day
 from taskschema_robot.agent.first_day import FirstDay
+from taskschema_robot.agent.first_day_person import TwinOnFirstDay
+from taskschema_robot.agent.stop_trial import StopTrial
 from taskschema_robot.agent.surroundings import look_for_run, look_through
 from taskschema_robot.camera.camera import Frame
+from taskschema_robot.cli.main import app
+from taskschema_robot.errors import RobotError
 from taskschema_robot.finding import Finding
 from taskschema_robot.objects.marker import table_markers
 from taskschema_robot.reward.poses import Pose
+from taskschema_robot.safety.fault import FaultError
 from taskschema_robot.safety.gate import SafetyGate
 from taskschema_robot.twin.faults import FaultKind
+from taskschema_robot.twin.twin import TwinOptions
 
 LIMITS = SafetyLimits(speed_ratio=0.1)
+
+
+class Helper:
+    """Confirms everything; presses nothing."""
+
+    def confirm(self, question: str) -> bool:
+        return True
+
+    def press_button(self, arm: int, *, pressed: bool) -> None:
+        pass
+
+    def press_stop_key(self, stop) -> None:
+        pass
 
 
 class Day:
     """A list with its lines; everything is confirmed."""
 
-    def __init__(self, gate, clock, press=lambda arm, pressed: None, looks=()) -> None:
+    def __init__(self, gate, clock, helper=None, looks=()) -> None:
         self.lines: list[str] = []
-        self.day = FirstDay(gate, clock, LIMITS, lambda question: True, self.lines.append, press, looks)
+        self.day = FirstDay(gate, clock, LIMITS, helper or Helper(), self.lines.append, looks)
 
     def line(self, what: str) -> str:
         return next(line for line in self.lines if what in line)
@@ -39,11 +68,9 @@ def twin():
     running.close()
 
 
-def on_twin(twin: LockStep) -> Day:
-    def press(arm: int, pressed: bool) -> None:
-        twin.client.inject(FaultKind.PRESS_EMERGENCY_STOP, arm, active=pressed)
-
-    return Day(SafetyGate(twin.arms, twin.clock, LIMITS), twin.clock, press)
+def on_twin(twin: LockStep, helper=None) -> Day:
+    gate = SafetyGate(twin.arms, twin.clock, LIMITS)
+    return Day(gate, twin.clock, helper or TwinOnFirstDay(twin.client, twin.clock))
 
 
 def test_the_whole_list_on_a_twin(twin):
@@ -53,6 +80,14 @@ def test_the_whole_list_on_a_twin(twin):
     assert day.day.move(), day.lines
     done = [line for line in day.lines if line.endswith(": done")]
     assert len(done) == 7
+    words = re.search(
+        r"at (.*) rad/s they ran on by left (.*) rad, right (.*) rad, and rested (.*) s after it",
+        day.line("good  Press the stop key"),
+    )
+    speed, left, right, seconds = map(float, words.groups())
+    assert 0.1 < speed <= 0.1 * sawyer().velocity[6] + 0.02
+    assert 0.0 < min(left, right) <= max(left, right) < speed * seconds
+    assert seconds < 0.2
     assert sum("emergency stop button" in line for line in done) == 2
     assert sum("Close and open both grippers" in line for line in done) == 1
     assert all(state.ready for state in (arm.state() for arm in twin.arms))
@@ -61,11 +96,77 @@ def test_the_whole_list_on_a_twin(twin):
 
 def test_a_button_that_nobody_presses_or_sees(twin, monkeypatch):
     monkeypatch.setattr(first_day, "BUTTON_SECONDS", 0.5)
-    day = on_twin(twin)
-    day.day._press = lambda arm, pressed: None
+    day = on_twin(twin, Helper())
     assert not day.day.move()
     assert day.lines[-1].startswith("MEND  Press the left robot's emergency stop button")
     assert "nobody pressed it" in day.lines[-1]
+
+
+def test_a_stop_key_that_nobody_presses_or_that_stops_nothing():
+    bench = TestBench()
+    with pytest.raises(RobotError, match="nobody pressed it, or it stops nothing"):
+        StopTrial(bench.gate, bench.clock, LIMITS).run(lambda stop: None)
+
+
+def test_an_arm_that_does_not_come_to_rest():
+    bench = TestBench()
+
+    def press(stop) -> None:
+        def stop_while_it_moves() -> None:
+            bench.arms[1].changes["velocities"] = np.full(7, 0.3)
+            stop("the stop key")
+
+        bench.clock.after(1.0, stop_while_it_moves)
+
+    trial = StopTrial(bench.gate, bench.clock, LIMITS)
+    with pytest.raises(RobotError, match="does not rest 5 s after the stop"):
+        trial.run(press)
+
+
+def test_another_fault_is_not_taken_for_the_stop_key():
+    bench = TestBench()
+    trial = StopTrial(bench.gate, bench.clock, LIMITS)
+    with pytest.raises(FaultError, match="the hold-to-run key"):
+        trial.run(lambda stop: bench.clock.after(1.0, lambda: bench.gate.stop("the hold-to-run key")))
+
+
+@pytest.mark.slow  # a held key must keep coming, on a machine with nothing else to do
+@pytest.mark.timeout(300)
+def test_the_list_at_a_terminal_with_the_key_held_and_the_stop_key_pressed():
+    """The command itself: every motion waits for h, space stops the wrists, and the line says how far."""
+    running = RunningTwin(TwinOptions(real_time=False))
+    robots = running.twin.robots
+
+    def press_as_soon_as_they_turn() -> None:
+        while max(abs(robot.control.velocity[6]) for robot in robots) < 0.1:
+            time.sleep(0.001)
+        person.type(b" ")
+
+    buttons = {
+        f"{words} the {name} robot's emergency stop button now": partial(
+            running.twin.inject, FaultKind.PRESS_EMERGENCY_STOP, arm, active=words == "Press"
+        )
+        for arm, name in enumerate(ARMS)
+        for words in ("Press", "Release")
+    }
+    stop_key = partial(threading.Thread(target=press_as_soon_as_they_turn, daemon=True).start)
+    answers = {"[y/n] ": "y\n", "Press the space bar": stop_key, **buttons}
+    command = [*PATIENT, "check", "--twin", running.control_url, "--move", "--stop-port", "0"]
+    person = PersonAtTerminal(command, answers)
+    try:
+        person.process.wait(240)
+    finally:
+        person.close()
+        running.close()
+    assert person.process.returncode == 0, person.text
+    assert "they ran on by" in person.text
+    assert person.asked.count(HOLD) >= 4  # grippers, both wrists, the stop
+
+
+def test_no_arm_moves_without_a_terminal_to_stop_it_from(twin):
+    result = CliRunner().invoke(app, ["check", "--twin", twin.client.url, "--move"])
+    assert isinstance(result.exception, ConfigError)
+    assert "at a terminal" in str(result.exception)
 
 
 def test_a_gripper_that_does_not_acknowledge(twin):

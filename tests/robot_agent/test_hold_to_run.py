@@ -1,19 +1,15 @@
 """Hold-to-run: what counts as held, what waits for it, and the whole agent at a terminal."""
 
 import dataclasses
-import os
-import pty
-import subprocess
-import sys
 import threading
 import time
-from contextlib import suppress
 
 import numpy as np
 import pytest
 from agent_setup import CONFIG, TASK
 from bus_setup import Run
 from motions import straight
+from person_at_terminal import PATIENT, PersonAtTerminal
 from recording_arms import HOME, TestBench
 
 from taskschema.bus.learner_life import LearnerLife
@@ -27,16 +23,6 @@ from taskschema_robot.agent.episode import EpisodeRunner
 from taskschema_robot.agent.world import EpisodeDroppedError
 from taskschema_robot.safety.fault import Fault, FaultError, FaultKind
 from taskschema_robot.safety.hold_to_run import HoldToRun
-
-REPEAT_SECONDS = 0.03
-"""Of a terminal's held key."""
-PATIENT = """
-import taskschema_robot.safety.hold_to_run as hold
-hold.FIRST_REPEAT = hold.LONGEST_GAP = 2.0
-from taskschema_robot.cli.main import main
-main()
-"""
-"""The agent where a machine's other work may hold keys back for a second; real limits have other tests."""
 
 
 def pressed(held: HoldToRun, now: list[float], *gaps: float) -> HoldToRun:
@@ -151,59 +137,18 @@ def _height(bench: TestBench) -> float:
     return sawyer_pair()[0].forward(bench.positions()[:1])[0][0, 2]
 
 
-class PersonAtTerminal:
-    """Runs the agent at a real terminal and does what it asks for: typed answers, and a key held down."""
+class PersonAtRun(PersonAtTerminal):
+    """Goes on with every plan and holds the key; once, in the middle, presses the stop key with it."""
 
     def __init__(self, command: list[str]) -> None:
-        self._leader, follower = pty.openpty()
-        self.text = ""
         self.stop_once = True
-        self.asked: list[str] = []
-        self._holding = False
-        self.process = subprocess.Popen(command, stdin=follower, stdout=follower, stderr=follower)
-        os.close(follower)
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._hand = threading.Thread(target=self._hold, daemon=True)
-        self._reader.start()
-        self._hand.start()
+        super().__init__(command, {"Enter to go on": "\n", "Your name, to acknowledge: ": "Ada\n"})
 
-    def _read(self) -> None:
-        fresh = ""
-        with suppress(OSError):
-            while data := os.read(self._leader, 4096):
-                fresh += data.decode(errors="replace")
-                self.text += data.decode(errors="replace")
-                fresh = self._react(fresh)
-
-    def _react(self, fresh: str) -> str:
-        """Answer the first thing that is asked; return what was printed after it."""
-        answers = {"Enter to go on": "\n", "Your name, to acknowledge: ": "Ada\n"}
-        answers |= {"Hold h down": "", "Let go of the key": ""}
-        found = [(fresh.find(words), words) for words in answers if words in fresh]
-        if not found:
-            return fresh
-        place, words = min(found)
-        self.asked.append(words)
-        self._holding = words == "Hold h down"
-        if answers[words]:
-            os.write(self._leader, answers[words].encode())
-        return fresh[place + len(words) :]
-
-    def _hold(self) -> None:
-        with suppress(OSError):
-            while self.process.poll() is None:
-                if self._holding:
-                    os.write(self._leader, b"h")
-                    if self.stop_once and len(self.asked) > 3:
-                        self.stop_once = False
-                        os.write(self._leader, b"h ")
-                time.sleep(REPEAT_SECONDS)
-
-    def close(self) -> None:
-        self._holding = False
-        self.process.kill()  # it would go on with the next slot first; its twin lives in it
-        self.process.wait()
-        os.close(self._leader)
+    def while_holding(self) -> bytes:
+        if self.stop_once and len(self.asked) > 3:
+            self.stop_once = False
+            return b"h "
+        return b""
 
 
 def lifting(snapshot: PolicySnapshot) -> PolicySnapshot:
@@ -221,12 +166,12 @@ def test_preview_and_hold_to_run_together_at_a_terminal(shared_redis, tmp_path):
     with Run(shared_redis.url, CONFIG) as run:
         learner = run.learner()
         learner.open_round(0, lifting(Learner(CONFIG, TASK).snapshot()), range(CONFIG.slots))
-        command = [sys.executable, "-c", PATIENT, "run"]
+        command = [*PATIENT, "run"]
         command += [run.name, "--object", "heavy-bar", "--redis", run.url, "--twin", "own"]
         command += ["--see", "truth"]
         command += ["--folder", str(tmp_path), "--stop-port", "0", "--rate", "50", "--speed-ratio", "1.0"]
         results, deadline = [], time.monotonic() + 800.0
-        person = PersonAtTerminal([*command, "--preview", "--hold-to-run"])
+        person = PersonAtRun([*command, "--preview", "--hold-to-run"])
         try:
             with LearnerLife(learner):
                 while person.process.poll() is None and not results and time.monotonic() < deadline:

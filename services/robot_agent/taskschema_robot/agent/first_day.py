@@ -1,21 +1,25 @@
 """The list of the first day on hardware: what is looked at, then what is moved, one thing at a time."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
 from taskschema.arrays import FloatArray
-from taskschema.kinematics.sawyer import rethink_gripper, sawyer, sawyer_pair
-from taskschema.motion.timing import fastest_path
+from taskschema.kinematics.sawyer import rethink_gripper, sawyer
 from taskschema.safety.limits import SafetyLimits
 from taskschema.safety.motion import Motion
 from taskschema.skills.pairs import ARMS
+from taskschema_robot.agent.first_day_person import FirstDayPerson
+from taskschema_robot.agent.slow_motion import WRIST, measured_joints, move, slow_motion
+from taskschema_robot.agent.stop_trial import StopTrial
 from taskschema_robot.clock import Clock
 from taskschema_robot.drivers.driver import ArmState
 from taskschema_robot.errors import RobotError
 from taskschema_robot.finding import Finding
 from taskschema_robot.safety.fault import FaultError
 from taskschema_robot.safety.gate import SafetyGate
+from taskschema_robot.safety.gated_arms import GatedArms
 
 STATES = 100
 """Joint states that are timed."""
@@ -30,8 +34,8 @@ BUTTON_SECONDS = 60.0
 
 Look = Callable[[], Sequence[Finding]]
 """Looks at something beside the arms: the camera, the run."""
-Press = Callable[[int, bool], None]
-"""Has the emergency stop of an arm (0 left, 1 right) pressed, or released; need not wait for it."""
+Item = tuple[str, Callable[[], str | None]]
+"""What is done, and how; it returns what was found, if more than that it is done."""
 
 
 class FirstDay:
@@ -41,10 +45,10 @@ class FirstDay:
         gate: both arms behind it.
         clock: the agent's.
         limits: the gate's, at a tenth of the arms' speed.
-        confirm: asks a person before anything moves.
+        person: is asked before anything moves, and for buttons and keys.
         say: writes a line.
-        press: asks a person for the emergency stop buttons.
         looks: at what is beside the arms.
+        arms: those behind the gate, as the motions are made with; None: the gate itself.
 
     """
 
@@ -53,14 +57,19 @@ class FirstDay:
         gate: SafetyGate,
         clock: Clock,
         limits: SafetyLimits,
-        confirm: Callable[[str], bool],
+        person: FirstDayPerson,
         say: Callable[[str], None],
-        press: Press,
         looks: Sequence[Look] = (),
+        arms: GatedArms | None = None,
     ) -> None:
         self._gate, self._clock, self._limits = gate, clock, limits
-        self._confirm, self._say = confirm, say
-        self._press, self._looks = press, looks
+        self._person, self._say, self._looks = person, say, looks
+        self._arms = arms or gate
+        self._trial = StopTrial(self._arms, clock, limits)
+
+    def stop(self, reason: str) -> None:
+        """Stop both arms: what a stop key, or an endpoint, has to call. From any thread."""
+        self._trial.stop(reason)
 
     def look(self) -> bool:
         """Check everything that can be checked without moving; return whether all is good."""
@@ -75,25 +84,36 @@ class FirstDay:
 
     def move(self) -> bool:
         """Move one thing at a time, each after a person's word; return whether all went well."""
-        items: list[tuple[str, Callable[[], None]]] = [
-            ("Enable both arms and calibrate both grippers: the fingers move", self._gate.prepare)
-        ]
-        for arm, name in enumerate(ARMS):
-            words = f"Press the {name} robot's emergency stop button, see it, release it"
-            items.append((words, lambda arm=arm: self._emergency_stop(arm)))  # type: ignore[misc]
-        items.append(("Close and open both grippers, which hold nothing", self._close_and_open))
-        for arm, name in enumerate(ARMS):
-            items.append((f"Turn the {name} wrist by 3 degrees and back", lambda arm=arm: self._nudge(arm)))  # type: ignore[misc]
-        items.append(("Stop both arms by software, then acknowledge", self._stop_and_acknowledge))
-        for words, action in items:
-            if not self._confirm(f"{words}?"):
+        for words, action in self._items():
+            if not self._person.confirm(f"{words}?"):
                 return self._note(False, words, "not done")
             try:
-                action()
+                found = action()
             except RobotError as error:
                 return self._note(False, words, str(error))
-            self._note(True, words, "done")
+            self._note(True, words, found or "done")
         return True
+
+    def _items(self) -> list[Item]:
+        buttons: list[Item] = [
+            (
+                f"Press the {name} robot's emergency stop button, see it, release it",
+                partial(self._emergency_stop, arm),
+            )
+            for arm, name in enumerate(ARMS)
+        ]
+        wrists: list[Item] = [
+            (f"Turn the {name} wrist by 3 degrees and back", partial(self._nudge, arm))
+            for arm, name in enumerate(ARMS)
+        ]
+        return [
+            ("Enable both arms and calibrate both grippers: the fingers move", self._gate.prepare),
+            *buttons,
+            ("Close and open both grippers, which hold nothing", self._close_and_open),
+            *wrists,
+            ("Press the stop key while the wrists turn", self._stop_key),
+            ("Stop both arms by software, then acknowledge", self._stop_and_acknowledge),
+        ]
 
     def _note(self, good: bool, what: str, words: str) -> bool:
         self._say(f"{'good' if good else 'MEND':5} {what}: {words}")
@@ -141,7 +161,7 @@ class FirstDay:
 
     def _clear(self) -> bool:
         """Check that the arms stand clear, by the gate's own sweep of standing still."""
-        joints = np.stack([state.positions for state in self._gate.states()])
+        joints = measured_joints(self._gate)
         refusal = self._gate.check(self._still(joints))
         return self._note(
             refusal is None, "arms and table", refusal.reason if refusal else "clear of each other"
@@ -154,7 +174,7 @@ class FirstDay:
     def _emergency_stop(self, arm: int) -> None:
         """Have a button pressed and released, see both, and enable the arm again."""
         for pressed in (True, False):
-            self._press(arm, pressed)
+            self._person.press_button(arm, pressed=pressed)
             deadline = self._clock.now() + BUTTON_SECONDS
             while self._gate.states()[arm].emergency_stop is not pressed:
                 if self._clock.now() > deadline:
@@ -167,33 +187,29 @@ class FirstDay:
 
     def _close_and_open(self) -> None:
         """Close and open both hands: the gate waits for what they acknowledge and do."""
-        joints = np.stack([state.positions for state in self._gate.states()])
+        joints = measured_joints(self._gate)
         gripper = rethink_gripper()
         for opening in (gripper.closed, gripper.open):
-            refusal = self._gate.execute(self._still(joints, opening))
-            if refusal is not None:
-                raise RobotError(f"refused: {refusal.reason}.")
+            move(self._arms, self._still(joints, opening))
 
     def _nudge(self, arm: int) -> None:
         """Turn one wrist a little and back."""
-        start = np.stack([state.positions for state in self._gate.states()])
+        start = measured_joints(self._gate)
         there = start.copy()
-        there[arm, 6] += NUDGE if start[arm, 6] < 0.0 else -NUDGE
+        there[arm, WRIST] += NUDGE if start[arm, WRIST] < 0.0 else -NUDGE
         for first, last in ((start, there), (there, start)):
-            wide = np.full(1, rethink_gripper().open)
-            left, right = (
-                fastest_path(kinematics, np.stack([first[row], last[row]])[None], wide)
-                for row, kinematics in enumerate(sawyer_pair())
-            )
-            motion = Motion.of_paths(left, right, self._limits.period, speed_ratio=self._limits.speed_ratio)
-            refusal = self._gate.execute(motion)
-            if refusal is not None:
-                raise RobotError(f"refused: {refusal.reason}.")
+            move(self._arms, slow_motion(first, last, self._limits))
+
+    def _stop_key(self) -> str:
+        """Have the stop key pressed while both wrists turn; return how far the arms ran on."""
+        words = self._trial.run(self._person.press_stop_key)
+        self._gate.acknowledge("first-day check")
+        return words
 
     def _stop_and_acknowledge(self) -> None:
         self._gate.stop("first-day check")
         try:
-            self._gate.execute(self._still(np.stack([state.positions for state in self._gate.states()])))
+            self._gate.execute(self._still(measured_joints(self._gate)))
         except FaultError:
             self._gate.acknowledge("first-day check")
             return

@@ -1,6 +1,7 @@
 """`taskschema-robot check`: the list of the first day on hardware, item by item."""
 
-from collections.abc import Callable
+import sys
+import threading
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -11,9 +12,10 @@ import typer
 from taskschema_robot.cli.options import DriverName, LeftAddress, PyrobotPython, RightAddress
 
 if TYPE_CHECKING:
-    from taskschema_robot.agent.first_day import FirstDay, Look, Press
+    from taskschema_robot.agent.first_day import FirstDay, Look
+    from taskschema_robot.agent.first_day_person import FirstDayPerson
     from taskschema_robot.cli.arms import Hardware
-    from taskschema_robot.twin.client import TwinClient
+    from taskschema_robot.cli.person import Person
 
 
 def register(app: typer.Typer) -> None:
@@ -42,16 +44,23 @@ def check(
     ] = None,
     move: Annotated[bool, typer.Option("--move", help="Also move: hands, then both arms, slowly.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: for a twin.")] = False,
+    hold_to_run: Annotated[
+        bool, typer.Option(help="With --move: the arms move only while h is held down.")
+    ] = True,
+    stop_port: Annotated[int, typer.Option(help="POST /stop on this port of this machine stops.")] = 8421,
 ) -> None:
     """Walk through what to check on the first day, before anything is learned.
 
     Without --move nothing moves and nothing is switched on. With it, a person confirms every motion, at a
-    tenth of the arms' speed. No stop that this software offers is safety rated.
+    tenth of the arms' speed; space or s stops both arms, and so does letting go of h. No stop that this
+    software offers is safety rated.
     """
     from taskschema.errors import ConfigError
     from taskschema.safety.limits import SafetyLimits
     from taskschema_robot.agent.first_day import FirstDay
     from taskschema_robot.cli.arms import Robots, distant_twin, robot_hardware, twin_hardware
+    from taskschema_robot.cli.person import unattended_person
+    from taskschema_robot.cli.stops import let_stop
     from taskschema_robot.errors import NotReadyError
     from taskschema_robot.safety.gate import SafetyGate
 
@@ -67,10 +76,12 @@ def check(
             assert right is not None
             hardware = robot_hardware(stack, Robots((left, right), driver, pyrobot_python))
         limits = SafetyLimits(speed_ratio=0.1)
-        gate = SafetyGate(hardware.drivers, hardware.clock, limits)
         looks = [*_camera(stack, hardware, camera, lens), *_run(name, redis)]
-        press = _press_in(hardware.twin) if yes and hardware.twin is not None else _press
-        day = FirstDay(gate, hardware.clock, limits, _confirmation(yes), print, press, looks)
+        person = _person(hold_to_run=hold_to_run) if move and not yes else unattended_person()
+        gate = SafetyGate(hardware.drivers, hardware.clock, limits, person.monitors)
+        helper = _helper(hardware, person)
+        day = FirstDay(gate, hardware.clock, limits, helper, print, looks, person.attend(gate))
+        let_stop(stack, person, day.stop, stop_port if move and not yes else None)
         if not _walk(day, move):
             raise NotReadyError("Not everything is as it should be: mend what is marked, and check again.")
 
@@ -98,24 +109,29 @@ def _run(name: str | None, redis: str | None) -> "list[Look]":
     return [partial(look_for_run, redis or embedded_redis_url(Path(name)), Path(name).name)]
 
 
-def _press(arm: int, pressed: bool) -> None:
-    """Ask for a button and go on at once: the robot says when it has happened."""
-    from taskschema.skills.pairs import ARMS
+def _person(*, hold_to_run: bool) -> "Person":
+    """Return the person at this terminal, with the keys that `run` has.
 
-    print(f"  {'Press' if pressed else 'Release'} the {ARMS[arm]} robot's emergency stop button now.")
+    Raises:
+        ConfigError: if this is no terminal: nobody could stop the arms.
+
+    """
+    from taskschema.errors import ConfigError
+    from taskschema_robot.cli.person import person_at_terminal
+
+    if not sys.stdin.isatty():
+        raise ConfigError("Arms move only at a terminal, whose keys stop them: type the command in one.")
+    return person_at_terminal(Path(), threading.Event(), hold_to_run=hold_to_run, preview=False)
 
 
-def _press_in(twin: "TwinClient") -> "Press":
-    """Return what presses a twin's buttons."""
-    from taskschema_robot.twin.faults import FaultKind
+def _helper(hardware: "Hardware", person: "Person") -> "FirstDayPerson":
+    """Return who confirms and presses: the person, if there is one."""
+    from taskschema_robot.agent.first_day_person import PersonAtTerminal, TwinOnFirstDay
+    from taskschema_robot.agent.keyboard import Keyboard
 
-    return lambda arm, pressed: twin.inject(FaultKind.PRESS_EMERGENCY_STOP, arm, active=pressed)
-
-
-def _confirmation(yes: bool) -> Callable[[str], bool]:
-    if yes:
-        return lambda question: True
-    return lambda question: input(f"{question} [y/n] ").strip().lower().startswith("y")
+    if hardware.twin is not None and not isinstance(person.keyboard, Keyboard):
+        return TwinOnFirstDay(hardware.twin, hardware.clock)
+    return PersonAtTerminal(person.keyboard.ask if isinstance(person.keyboard, Keyboard) else input)
 
 
 def _walk(day: "FirstDay", move: bool) -> bool:

@@ -24,12 +24,12 @@ from taskschema_robot.agent.episode import EpisodeRunner
 from taskschema_robot.agent.folder_lock import only_agent_of
 from taskschema_robot.agent.refusal_picture import RefusalPicture
 from taskschema_robot.agent.robot_agent import LEASE_SECONDS, RobotAgent
-from taskschema_robot.agent.stop_endpoint import StopEndpoint
 from taskschema_robot.agent.twin_world import TrueWorld
 from taskschema_robot.agent.world import World
 from taskschema_robot.cli.arms import Hardware, Robots, distant_twin, own_twin, robot_hardware, twin_hardware
 from taskschema_robot.cli.eyes import Eyes, frame_observer, open_eyes
 from taskschema_robot.cli.person import Person, person_at_terminal, unattended_person
+from taskschema_robot.cli.stops import let_stop
 from taskschema_robot.objects.catalogue import get_object
 from taskschema_robot.objects.robot_object import RobotObject
 from taskschema_robot.reward.camera_world import CameraWorld
@@ -105,10 +105,7 @@ def serve(options: Serving, stop: threading.Event) -> None:
         if isinstance(world, CameraWorld) and item.joint_markers:
             monitors += _following(stack, world, hardware)
         gate = SafetyGate(hardware.drivers, hardware.clock, limits, monitors)
-        person.on_stop(gate.stop)
-        stack.enter_context(person.listening())
-        if not options.unattended:
-            stack.enter_context(StopEndpoint(gate.stop, options.stop_port))
+        let_stop(stack, person, gate.stop, None if options.unattended else options.stop_port)
         gate.prepare()
         size, release = np.array(item.size), person.operator.release
         observer = frame_observer(task, size, eyes, hardware.clock) if eyes and sees_images else None
