@@ -8,19 +8,22 @@ from functools import partial
 import numpy as np
 import pytest
 from marker_scene import INTRINSICS, draw
-from person_at_terminal import HOLD, PATIENT, PersonAtTerminal
-from recording_arms import TestBench
+from person_at_terminal import HOLD, PATIENT
+from person_at_terminal import PersonAtTerminal as TypingPerson
+from recording_arms import HOME, TestBench
 from twin_setup import LockStep, RunningTwin
 from typer.testing import CliRunner
 
 from taskschema.config import RunConfig
 from taskschema.errors import ConfigError
-from taskschema.kinematics.sawyer import sawyer
+from taskschema.kinematics.rotation import vertical_turn
+from taskschema.kinematics.sawyer import rethink_gripper, sawyer, sawyer_pair
 from taskschema.safety.limits import SafetyLimits
 from taskschema.skills.pairs import ARMS
 from taskschema_robot.agent import first_day
 from taskschema_robot.agent.first_day import FirstDay
-from taskschema_robot.agent.first_day_person import TwinOnFirstDay
+from taskschema_robot.agent.first_day_person import PersonAtTerminal, TwinOnFirstDay
+from taskschema_robot.agent.frame_trial import Offset
 from taskschema_robot.agent.stop_trial import StopTrial
 from taskschema_robot.agent.surroundings import look_for_run, look_through
 from taskschema_robot.camera.camera import Frame
@@ -49,6 +52,9 @@ class Helper:
     def press_stop_key(self, stop) -> None:
         pass
 
+    def measure(self, question: str):
+        return None
+
 
 class Day:
     """A list with its lines; everything is confirmed."""
@@ -73,7 +79,9 @@ def on_twin(twin: LockStep, helper=None) -> Day:
     return Day(gate, twin.clock, helper or TwinOnFirstDay(twin.client, twin.clock))
 
 
-def test_the_whole_list_on_a_twin(twin):
+def test_the_list_on_a_twin_up_to_the_frame(twin, monkeypatch):
+    """The frame has tests of its own below: on the twin it takes minutes."""
+    monkeypatch.setattr(FirstDay, "_one_frame", lambda day: True)
     day = on_twin(twin)
     assert day.day.look(), day.lines
     assert day.line("left hand").endswith("0 N and 0.0 Nm at rest")
@@ -150,9 +158,9 @@ def test_the_list_at_a_terminal_with_the_key_held_and_the_stop_key_pressed():
         for words in ("Press", "Release")
     }
     stop_key = partial(threading.Thread(target=press_as_soon_as_they_turn, daemon=True).start)
-    answers = {"[y/n] ": "y\n", "Press the space bar": stop_key, **buttons}
+    answers = {"[y/n] ": "y\n", "not measured) ": "1 -2\n", "Press the space bar": stop_key, **buttons}
     command = [*PATIENT, "check", "--twin", running.control_url, "--move", "--stop-port", "0"]
-    person = PersonAtTerminal(command, answers)
+    person = TypingPerson(command, answers)
     try:
         person.process.wait(240)
     finally:
@@ -160,7 +168,101 @@ def test_the_list_at_a_terminal_with_the_key_held_and_the_stop_key_pressed():
         running.close()
     assert person.process.returncode == 0, person.text
     assert "they ran on by" in person.text
+    assert person.text.count("x +1, y -2 mm") == 4
     assert person.asked.count(HOLD) >= 4  # grippers, both wrists, the stop
+
+
+class Surveyor(Helper):
+    """Measures what the arms' true bases make of where the hands are."""
+
+    def __init__(self, bench: TestBench, off: tuple[float, float] = (0.0, 0.0), turn: float = 0.0) -> None:
+        self.bench, self.heights = bench, []
+        base = sawyer_pair()[0]
+        rotation = vertical_turn(np.array([turn]))[0] @ base.base_rotation
+        self.arms = (base.at(base.base_position + [*off, 0.0], rotation), sawyer_pair()[1])
+
+    def measure(self, question: str) -> tuple[float, float]:
+        arm, number = re.search(r"the (left|right) finger tips from marker (\d+)", question).groups()
+        side = ARMS.index(arm)
+        joints = self.bench.positions()[side : side + 1]
+        position, rotation = self.arms[side].forward(joints)
+        tip = position[0] + rethink_gripper().fingertip * rotation[0, :, 2]
+        marker = next(marker for marker in table_markers() if marker.number == int(number))
+        offset = tip - marker.position
+        self.heights.append(float(offset[2]))
+        return (1000 * offset[0], 1000 * offset[1])
+
+
+def surveyed(**kwargs) -> tuple[bool, list[str], list[float]]:
+    bench = TestBench()
+    helper = Surveyor(bench, **kwargs)
+    day = Day(bench.gate, bench.clock, helper)
+    good = day.day._one_frame()
+    np.testing.assert_allclose(bench.positions(), HOME, atol=1e-3)
+    return good, day.lines, helper.heights
+
+
+def test_hands_go_to_10_cm_above_two_markers_each():
+    good, lines, heights = surveyed()
+    assert good, lines
+    assert lines[0] == "good  left hand above markers: 40: x +0, y +0 mm, 43: x +0, y +0 mm"
+    assert "42: x +0, y +0 mm, 45" in lines[1]
+    np.testing.assert_allclose(heights, 0.1, atol=1e-3)
+
+
+def test_a_base_that_stands_2_cm_off_is_found():
+    good, lines, _ = surveyed(off=(0.02, -0.004))
+    assert not good
+    assert lines[0].startswith("MEND  left hand above markers: 40: x +20, y -4 mm, 43: x +20, y -4 mm")
+    assert "+20, -4 mm off: move it back by that" in lines[0]
+    assert lines[1].startswith("good  right hand")
+
+
+def test_a_base_that_is_turned_is_found():
+    good, lines, _ = surveyed(turn=np.deg2rad(1.5))
+    assert not good
+    assert "the two differ" in lines[0]
+
+
+def test_what_nobody_measures_is_said_so():
+    bench = TestBench()
+    day = Day(bench.gate, bench.clock)
+    assert day.day._one_frame()
+    assert [line.startswith("left  ") and "nobody measured it" in line for line in day.lines] == [True, True]
+
+
+@pytest.mark.parametrize(("x", "good"), [(5.0, True), (-5.1, False), (np.nan, False)])
+def test_5_mm_are_borne(x, good):
+    marker = table_markers()[0]
+    assert Offset(marker, x, 0.0).good is good
+    assert Offset(marker, 0.0, x).good is good
+
+
+def test_a_measurement_is_asked_for_until_it_is_two_numbers():
+    lines = iter(["3", "3 up", "nan 1", "3 -1.5", ""])
+    person = PersonAtTerminal(lambda question: next(lines))
+    assert person.measure("How far?") == (3.0, -1.5)
+    assert person.measure("How far?") is None
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_the_twins_hands_are_above_its_markers(twin):
+    """The world's own sites, which share no code with the kinematics that planned the way."""
+    day = on_twin(twin)
+    world = twin.running.twin.world
+    seen: list[float] = []
+
+    def look(question: str) -> None:
+        arm, number = re.search(r"the (left|right) finger tips from marker (\d+)", question).groups()
+        site = world.arms[ARMS.index(arm)].grip
+        tip = world.data.site_xpos[site] + rethink_gripper().fingertip * world.data.site_xmat[site][2::3]
+        marker = next(marker for marker in table_markers() if marker.number == int(number))
+        seen.extend((tip - marker.position).tolist())
+
+    day.day._person.measure = look
+    assert day.day._one_frame(), day.lines
+    np.testing.assert_allclose(np.reshape(seen, (4, 3)), [[0.0, 0.0, 0.1]] * 4, atol=0.004)
 
 
 def test_no_arm_moves_without_a_terminal_to_stop_it_from(twin):

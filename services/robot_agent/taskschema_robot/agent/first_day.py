@@ -11,12 +11,14 @@ from taskschema.safety.limits import SafetyLimits
 from taskschema.safety.motion import Motion
 from taskschema.skills.pairs import ARMS
 from taskschema_robot.agent.first_day_person import FirstDayPerson
+from taskschema_robot.agent.frame_trial import FrameTrial, Offset, judge, markers_near
 from taskschema_robot.agent.slow_motion import WRIST, measured_joints, move, slow_motion
 from taskschema_robot.agent.stop_trial import StopTrial
 from taskschema_robot.clock import Clock
 from taskschema_robot.drivers.driver import ArmState
 from taskschema_robot.errors import RobotError
 from taskschema_robot.finding import Finding
+from taskschema_robot.objects.marker import Marker
 from taskschema_robot.safety.fault import FaultError
 from taskschema_robot.safety.gate import SafetyGate
 from taskschema_robot.safety.gated_arms import GatedArms
@@ -66,6 +68,7 @@ class FirstDay:
         self._person, self._say, self._looks = person, say, looks
         self._arms = arms or gate
         self._trial = StopTrial(self._arms, clock, limits)
+        self._frame = FrameTrial(self._arms, limits)
 
     def stop(self, reason: str) -> None:
         """Stop both arms: what a stop key, or an endpoint, has to call. From any thread."""
@@ -92,7 +95,37 @@ class FirstDay:
             except RobotError as error:
                 return self._note(False, words, str(error))
             self._note(True, words, found or "done")
-        return True
+        return self._one_frame()
+
+    def _one_frame(self) -> bool:
+        """Have each hand above two of the table's markers measured; return whether all share one frame."""
+        good = []
+        for arm, name in enumerate(ARMS):
+            words, offsets = f"Move the {name} hand to 10 cm above two markers, one after the other", []
+            if not self._person.confirm(f"{words}?"):
+                return self._note(False, words, "not done")
+            try:
+                offsets = [self._offset(arm, marker) for marker in markers_near(arm)]
+                self._frame.go_home()
+            except RobotError as error:
+                return self._note(False, words, str(error))
+            measured = [item for item in offsets if item is not None]
+            if len(measured) < len(offsets):
+                self._say(f"left  {name} hand above markers: nobody measured it, see docs/run-a-robot.md")
+            if measured:
+                found = judge(arm, measured)
+                good.append(self._note(found.good, found.what, found.words))
+        return all(good)
+
+    def _offset(self, arm: int, marker: Marker) -> Offset | None:
+        """Go above a marker and have measured how far beside it the hand is."""
+        self._frame.go_above(arm, marker)
+        question = (
+            f"  How far is the middle between the {ARMS[arm]} finger tips from marker {marker.number}'s "
+            "centre, to its right and to its top?"
+        )
+        measured = self._person.measure(question)
+        return None if measured is None else Offset(marker, *measured)
 
     def _items(self) -> list[Item]:
         buttons: list[Item] = [

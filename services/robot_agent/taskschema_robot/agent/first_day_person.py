@@ -1,5 +1,7 @@
 """Who helps on the first day: a person at a terminal, or a twin that presses its own buttons."""
 
+import contextlib
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -32,6 +34,10 @@ class FirstDayPerson(Protocol):
         """Have both arms stopped while they move: `stop` is what the key calls."""
         ...
 
+    def measure(self, question: str) -> tuple[float, float] | None:
+        """Return a distance along x and along y [mm]; None if nobody measures it."""
+        ...
+
 
 class PersonAtTerminal:
     """A person, who is asked; see `FirstDayPerson`.
@@ -55,6 +61,15 @@ class PersonAtTerminal:
     def press_stop_key(self, stop: Callable[[str], None]) -> None:
         """Ask for the key, whose own thread calls what stops; see `FirstDayPerson`."""
         print("  Press the space bar as soon as the wrists turn.", flush=True)
+
+    def measure(self, question: str) -> tuple[float, float] | None:
+        """Ask until two numbers are typed, or nothing; see `FirstDayPerson`."""
+        while line := self._ask(f"{question} (two numbers in mm, x then y; Enter: not measured) ").split():
+            with contextlib.suppress(ValueError):
+                x, y = map(float, line)
+                if math.isfinite(x + y):
+                    return x, y
+        return None
 
 
 class TwinOnFirstDay:
@@ -82,3 +97,7 @@ class TwinOnFirstDay:
                 stop("the stop key")
 
         threading.Thread(target=press, name="stop-key", daemon=True).start()
+
+    def measure(self, question: str) -> tuple[float, float] | None:
+        """Measure nothing; see `FirstDayPerson`."""
+        return None
