@@ -52,16 +52,16 @@ class ScriptedWorld:
     def object_pose(self):
         return self.pose
 
-    def judge(self, start):
+    def judge(self, start, name):
         outcome = self.outcomes.pop(0) if self.outcomes else Outcome.FAILURE
-        return Judgement(outcome, "as scripted")
+        return Judgement(outcome, "as scripted", picture=f"{name}.png")
 
     def ask(self, judgement):
         self.asked += 1
         self.on_ask()
         return Judgement(self.answers.pop(0), "by a person's word") if self.answers else judgement
 
-    def last_look(self, start):
+    def last_look(self, start, name):
         self.last_looks += 1
         outcome = self.looks.pop(0) if self.looks else Outcome.FAILURE
         return Judgement(outcome, "it stands on the table")

@@ -1,5 +1,6 @@
 """The object as a camera sees it: which frames count, what a reset shows, turns that are followed."""
 
+import os
 from functools import cache
 
 import numpy as np
@@ -8,6 +9,7 @@ from marker_scene import INTRINSICS, picture_of, standing
 from recording_arms import SteppedClock
 
 from taskschema.tasks import get_task
+from taskschema_robot.agent.kept_files import KeptFiles
 from taskschema_robot.agent.world import EpisodeDroppedError
 from taskschema_robot.camera.camera import Frame
 from taskschema_robot.errors import CameraError
@@ -85,9 +87,35 @@ def test_a_picture_from_before_does_not_count(tmp_path):
     start = scene.reset()
     scene.frozen = scene.latest()
     scene.clock.sleep_until(scene.clock.now() + 0.5)
-    judgement = scene.world.judge(start)
+    judgement = scene.world.judge(start, "0")
     assert judgement.outcome is Outcome.UNKNOWN
     assert judgement.reason == f"0 new pictures came, {LEAST_FRAMES} are needed"
+
+
+def test_a_second_session_in_a_folder_overwrites_no_picture_of_the_first(tmp_path):
+    kept = []
+    for yaw in (0.0, 2.0):
+        scene = Scene(WATER_BOTTLE, tmp_path, yaw)
+        start = scene.reset()
+        judgements = [scene.world.judge(start, "000003-000007-0-0"), scene.world.last_look(start, "end")]
+        kept += [(tmp_path / judgement.picture).read_bytes() for judgement in judgements]
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "000003-000007-0-0-failure.png",
+        "000003-000007-0-0-failure-2.png",
+        "end-failure.png",
+        "end-failure-2.png",
+    }
+    assert {path.read_bytes() for path in tmp_path.iterdir()} == set(kept)
+
+
+def test_the_oldest_pictures_go_those_of_earlier_sessions_first(tmp_path):
+    for session in range(2):
+        files = KeptFiles(tmp_path, ".png", 3)
+        for number in range(2):
+            path = files.place(f"{session}-{number}")
+            path.touch()
+            os.utime(path, ns=(0, session * 2 + number))
+    assert {path.name for path in tmp_path.iterdir()} == {"0-1.png", "1-0.png", "1-1.png"}
 
 
 @pytest.mark.parametrize(
@@ -103,7 +131,7 @@ def test_a_turn_is_followed_during_motions(tmp_path, angle, followed, expected):
     scene = Scene(T_WRENCH, tmp_path)
     start = scene.reset()
     scene.turn(np.linspace(0, angle, 6), followed=followed)
-    assert scene.world.judge(start).outcome is expected
+    assert scene.world.judge(start, "0").outcome is expected
 
 
 def test_a_thread_follows_beside_the_motion_whatever_the_camera_does():

@@ -6,6 +6,7 @@ import pytest
 from marker_scene import FROM_ABOVE, INTRINSICS, picture_of, standing
 
 from taskschema.tasks import get_task
+from taskschema_robot.agent.kept_files import KeptFiles
 from taskschema_robot.camera.camera import Frame
 from taskschema_robot.objects.catalogue import OBJECTS, get_object
 from taskschema_robot.objects.marker import TABLE_MARKERS
@@ -172,7 +173,8 @@ def test_no_picture_is_unknown():
 
 def test_the_evidence_is_kept(tmp_path):
     judgement = outcome("opening", JAR, standing(JAR), standing(JAR))
-    keep_evidence(judgement, tmp_path / "evidence" / "0.png")
-    kept = cv2.imread(str(tmp_path / "evidence" / "0.png"))
+    kept_as = keep_evidence(judgement, KeptFiles(tmp_path / "evidence", ".png", 1), "0").picture
+    assert kept_as == "0-failure.png"
+    kept = cv2.imread(str(tmp_path / "evidence" / kept_as))
     assert kept.shape == (1080, 1920, 3)
     assert (kept[..., 1].astype(int) - kept[..., 0] > 100).any(), "no outlines"

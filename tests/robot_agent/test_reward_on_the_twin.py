@@ -40,8 +40,7 @@ def test_an_episode_is_judged_by_what_the_camera_sees(tmp_path, lift, success):
         trajectory, record = runner.run(EpisodeKey(0, 0, 0, 0), Expert(lift))
         assert trajectory.success is success, record.reason
         assert not record.refusals
-        kept = sorted(tmp_path.glob("*.png"))
-        assert cv2.imread(str(kept[-1])).shape == (1080, 1080, 3)
+        assert cv2.imread(str(tmp_path / record.evidence)).shape == (1080, 1080, 3)
         assert twin.client.object_pose()[2] < 0.05, "it was not put down"
     finally:
         twin.close()

@@ -54,6 +54,17 @@ def test_every_slot_is_run_once_and_let_in(run, bench):
     assert bench.agent.progress.episodes == 3
 
 
+def test_a_row_names_the_picture_that_the_outcome_was_judged_by(run, bench, tmp_path):
+    open_round(run)
+    bench.world.outcomes = [Outcome.FAILURE, Outcome.SUCCESS]
+    bench.serve(3)
+    with (tmp_path / "episodes.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    last = [f"{int(row['slot']):06d}-0-{int(row['steps']) - 1}" for row in rows]
+    assert [row["evidence"] for row in rows] == [f"000000-{name}.png" for name in last]
+    assert [row["steps"] for row in rows] == ["2", "3", "3"]
+
+
 def test_what_acted_is_what_is_streamed(run, bench):
     learner, snapshot = open_round(run)
     bench.serve(3)

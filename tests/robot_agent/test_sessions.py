@@ -120,7 +120,7 @@ def test_what_is_hidden_in_the_air_is_asked_about_before_it_is_put_down(said):
     world = ScriptedWorld(answers=[said])
     in_the_air, asked_at = InTheAir(0.4, 0.4, world=world), []
     world.on_ask = lambda: asked_at.extend(heights(in_the_air.bench.positions()))
-    assert in_the_air.runner._end(None, UNKNOWN).outcome is said
+    assert in_the_air.runner._end(None, UNKNOWN, "").outcome is said
     assert asked_at == pytest.approx([0.4, 0.4], abs=0.01)
     assert world.last_looks == 0, "it was judged where it was put down"
 
@@ -128,5 +128,5 @@ def test_what_is_hidden_in_the_air_is_asked_about_before_it_is_put_down(said):
 def test_what_is_hidden_on_the_table_is_looked_at_again():
     world = ScriptedWorld(looks=[Outcome.SUCCESS])
     on_the_table = InTheAir(TOOK_AT, TOOK_AT, world=world)
-    assert on_the_table.runner._end(None, UNKNOWN).outcome is Outcome.SUCCESS
+    assert on_the_table.runner._end(None, UNKNOWN, "").outcome is Outcome.SUCCESS
     assert (world.asked, world.last_looks) == (0, 1)

@@ -1,5 +1,7 @@
 """The operator's flow at a terminal: progress, pause, undo, resets, faults."""
 
+import csv
+import dataclasses
 import logging
 from collections import deque
 
@@ -70,6 +72,17 @@ def test_progress_goes_on_after_a_restart(tmp_path):
     assert (again.episodes, again.dropped, again.skills) == (5, 1, 24)
     assert again.success == pytest.approx(0.6)
     assert again.hours == pytest.approx(6 * 24 / 3600)
+
+
+def test_a_file_of_an_earlier_version_gets_the_columns_that_it_lacks(tmp_path):
+    path = tmp_path / "episodes.csv"
+    Progress(path).add(0, 0, 0, True, RECORD)
+    path.write_text("\n".join(line.rpartition(",")[0] for line in path.read_text().splitlines()) + "\n")
+    again = Progress(path)
+    again.add(0, 1, 0, True, dataclasses.replace(RECORD, evidence="end-success.png"))
+    with path.open(newline="") as file:
+        assert [row["evidence"] for row in csv.DictReader(file)] == ["", "end-success.png"]
+    assert again.episodes == 2
 
 
 def test_hours_left_follow_from_growth(tmp_path):

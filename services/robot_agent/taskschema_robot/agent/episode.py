@@ -16,6 +16,7 @@ from taskschema.safety.motion import Motion
 from taskschema.safety.refusal import Refusal
 from taskschema.tasks.scene_task import SceneTask
 from taskschema.trajectory import Trajectory
+from taskschema_robot.agent.kept_files import step_name
 from taskschema_robot.agent.observer import Observer, StateObserver
 from taskschema_robot.agent.skill_step import StepPlanner
 from taskschema_robot.agent.world import EpisodeDroppedError, World
@@ -48,6 +49,8 @@ class EpisodeRecord:
     """From reset to home, on the robot's clock: a person's part in it included."""
     outcome: str = ""
     reason: str = ""
+    evidence: str = ""
+    """Name of the picture that the outcome was judged by; empty: none was kept."""
 
 
 class EpisodeRunner:
@@ -119,14 +122,15 @@ class EpisodeRunner:
             observations.append(observation[0])
             pairs.append(int(actions.pairs[0]))
             raws.append(actions.raw[0])
-            judgement = self._world.judge(start)
+            judgement = self._world.judge(start, step_name(key, step))
             if judgement.outcome is Outcome.SUCCESS:
                 break
-        judgement = self._end(start, judgement)
+        judgement = self._end(start, judgement, step_name(key, "end"))
         if judgement.outcome is Outcome.UNKNOWN:
             raise EpisodeDroppedError(f"The outcome is unknown: {judgement.reason}.")
         record.seconds = self.so_far().seconds
         record.outcome, record.reason = str(judgement.outcome), judgement.reason
+        record.evidence = judgement.picture
         trajectory = Trajectory(
             round=key.round,
             slot=key.slot,
@@ -140,7 +144,7 @@ class EpisodeRunner:
         )
         return trajectory, record
 
-    def _end(self, start: FloatArray, judgement: Judgement) -> Judgement:
+    def _end(self, start: FloatArray, judgement: Judgement, name: str) -> Judgement:
         """Put down what is held, go home, and return the outcome, which still may be unknown."""
         lifted = self._planner.is_up(self._arms.states())
         if lifted and judgement.outcome is Outcome.UNKNOWN:  # once it is put down, nobody can see it
@@ -148,7 +152,7 @@ class EpisodeRunner:
         self._put_down(recovering=False)
         self.go_home()
         if not lifted and judgement.outcome is Outcome.UNKNOWN:
-            judgement = self._world.last_look(start)
+            judgement = self._world.last_look(start, name)
         return judgement
 
     def abandon(self) -> None:

@@ -21,6 +21,7 @@ COLUMNS = (
     "seconds",
     "hours",
     "last_100",
+    "evidence",
 )
 DROPPED_COLUMNS = ("round", "slot", "attempt", "skills", "refused", "seconds", "hours", "reason")
 
@@ -73,7 +74,8 @@ class Progress:
         self.seconds += record.seconds
         self.recent.append(success)
         numbers = (round_index, slot, attempt, int(success), len(record.skills), skills, len(record.refusals))
-        _append(self.path, [*numbers, f"{record.seconds:.2f}", f"{self.hours:.4f}", f"{self.success:.3f}"])
+        words = (f"{record.seconds:.2f}", f"{self.hours:.4f}", f"{self.success:.3f}", record.evidence)
+        _append(self.path, [*numbers, *words])
 
     def add_dropped(
         self, round_index: int, slot: int, attempt: int, record: EpisodeRecord, reason: str
@@ -102,12 +104,20 @@ class Progress:
 
 
 def _rows(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
-    """Return the rows of a file, which is begun if there is none."""
-    if not path.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        _append(path, columns)
+    """Return the rows of a file, which is begun if there is none, and gets the columns that it lacks."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.touch()
     with path.open(newline="") as file:
-        return list(csv.DictReader(file))
+        reader = csv.DictReader(file)
+        found, rows = reader.fieldnames, list(reader)
+    if found != list(columns):
+        part = path.with_suffix(".part")
+        with part.open("w", newline="") as file:
+            writer = csv.DictWriter(file, columns, restval="")
+            writer.writeheader()
+            writer.writerows(rows)
+        part.replace(path)
+    return rows
 
 
 def _append(path: Path, row: Sequence[object]) -> None:

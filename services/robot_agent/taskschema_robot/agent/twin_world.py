@@ -54,7 +54,7 @@ class TrueWorld:
         """Return the true pose; see `World`."""
         return self._twin.object_pose()
 
-    def judge(self, start: FloatArray) -> Judgement:
+    def judge(self, start: FloatArray, name: str) -> Judgement:
         """Judge by the true pose; see `World`."""
         pose = self._twin.object_pose()
         if not np.isfinite(pose).all():
@@ -67,6 +67,6 @@ class TrueWorld:
         """Know no more than before; see `World`."""
         return judgement
 
-    def last_look(self, start: FloatArray) -> Judgement:
+    def last_look(self, start: FloatArray, name: str) -> Judgement:
         """Judge as before; see `World`."""
-        return self.judge(start)
+        return self.judge(start, name)

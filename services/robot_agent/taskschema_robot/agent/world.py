@@ -35,15 +35,18 @@ class World(Protocol):
         """Return the object's pose [7 + h] now; None if it is not known."""
         ...
 
-    def judge(self, start: FloatArray) -> Judgement:
-        """Judge the outcome so far, from `start` [7 + h]; unknown while hands hide the object, say."""
+    def judge(self, start: FloatArray, name: str) -> Judgement:
+        """Judge the outcome so far, from `start` [7 + h]; unknown while hands hide the object, say.
+
+        `name` is the step's, for what is kept as evidence.
+        """
         ...
 
     def ask(self, judgement: Judgement) -> Judgement:
         """Return what a person says an unknown outcome is; the judgement itself if nobody knows."""
         ...
 
-    def last_look(self, start: FloatArray) -> Judgement:
+    def last_look(self, start: FloatArray, name: str) -> Judgement:
         """Judge the outcome of an episode that is over, with the hands withdrawn; may ask a person.
 
         Only where the hands held nothing in the air: what they put down is not where the outcome left it.

@@ -1,5 +1,6 @@
 """The object as the overhead camera sees it, put back by a person."""
 
+import dataclasses
 from pathlib import Path
 from typing import Protocol
 
@@ -8,6 +9,7 @@ import numpy as np
 from taskschema.arrays import FloatArray
 from taskschema.kinematics.rotation import rotate
 from taskschema.tasks.scene_task import ObjectInstance, SceneTask
+from taskschema_robot.agent.kept_files import KeptFiles
 from taskschema_robot.agent.start_pose import start_pose
 from taskschema_robot.agent.world import EpisodeDroppedError
 from taskschema_robot.camera.camera import Camera
@@ -69,7 +71,7 @@ class CameraWorld:
         self._item, self._person, self._clock = item, person, clock
         self._last_number = self._last_followed = -1
         self._known: FloatArray | None = None
-        self._evidence, self._judged = evidence, 0
+        self._evidence = KeptFiles(evidence, ".png", KEPT)
 
     def reset(self, instance: ObjectInstance) -> FloatArray:
         """Ask for the object until it is seen where it should be; see `World`."""
@@ -108,12 +110,9 @@ class CameraWorld:
         self._known = self._known if pose is None else pose
         return self._known
 
-    def judge(self, start: FloatArray) -> Judgement:
-        """Judge new frames; see `World`."""
-        judgement = judge(self._task, start, self.look())
-        keep_evidence(judgement, self._evidence / f"{self._judged % KEPT:05d}-{judgement.outcome}.png")
-        self._judged += 1
-        return judgement
+    def judge(self, start: FloatArray, name: str) -> Judgement:
+        """Judge new frames, and keep the last one; see `World`."""
+        return keep_evidence(judge(self._task, start, self.look()), self._evidence, name)
 
     def ask(self, judgement: Judgement) -> Judgement:
         """Ask the person; see `World`."""
@@ -121,11 +120,11 @@ class CameraWorld:
         if said is None:
             return judgement
         outcome = Outcome.SUCCESS if said else Outcome.FAILURE
-        return Judgement(outcome, "by a person's word", judgement.pose, judgement.evidence)
+        return dataclasses.replace(judgement, outcome=outcome, reason="by a person's word")
 
-    def last_look(self, start: FloatArray) -> Judgement:
+    def last_look(self, start: FloatArray, name: str) -> Judgement:
         """Judge with the hands withdrawn, and ask a person what is still unknown; see `World`."""
-        judgement = self.judge(start)
+        judgement = self.judge(start, name)
         return self.ask(judgement) if judgement.outcome is Outcome.UNKNOWN else judgement
 
     def look(self) -> list[Sighting]:

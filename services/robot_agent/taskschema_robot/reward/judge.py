@@ -1,15 +1,16 @@
 """The outcome of an episode: success, failure or unknown, with the picture that shows it."""
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path
 
 import cv2
 import numpy as np
 
 from taskschema.arrays import FloatArray
 from taskschema.tasks.scene_task import SceneTask
+from taskschema_robot.agent.kept_files import KeptFiles
 from taskschema_robot.reward.detector import draw_found
 from taskschema_robot.reward.tracker import Sighting
 
@@ -41,6 +42,8 @@ class Judgement:
     """[7 + h] the object's median pose, if it is known."""
     evidence: Sighting | None = None
     """The last frame looked at."""
+    picture: str = ""
+    """Name of the file that shows it; empty: none was kept."""
 
 
 def median_pose(sightings: Sequence[Sighting]) -> tuple[FloatArray | None, str]:
@@ -94,12 +97,13 @@ def _turn_behind(pose: FloatArray) -> FloatArray:
     return np.concatenate([pose[:7], pose[7:] - 2.0 * np.pi])
 
 
-def keep_evidence(judgement: Judgement, path: Path) -> None:
-    """Write the picture an outcome was judged by, markers outlined, outcome written in."""
+def keep_evidence(judgement: Judgement, files: KeptFiles, name: str) -> Judgement:
+    """Write the picture an outcome was judged by, markers outlined, outcome written in; say which it is."""
     if judgement.evidence is None:
-        return
+        return judgement
     picture = draw_found(judgement.evidence.frame.image, judgement.evidence.found)
     text = f"{judgement.outcome}: {judgement.reason}"
     cv2.putText(picture, text, (10, 30), cv2.FONT_HERSHEY_SIMPLEX, 0.7, (255, 0, 0), 2)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    path = files.place(f"{name}-{judgement.outcome}")
     cv2.imwrite(str(path), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+    return dataclasses.replace(judgement, picture=path.name)
