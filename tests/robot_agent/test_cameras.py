@@ -1,18 +1,28 @@
 """Cameras read in a thread: newest frames, ends, failures."""
 
+import threading
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from rendering_setup import needs_renderer
+from twin_setup import RunningTwin
 
-from taskschema_robot.camera.camera import Frame
+from taskschema.safety.limits import SafetyLimits
+from taskschema_robot.camera.camera import Camera, Frame
 from taskschema_robot.camera.fetched_frame import FetchedFrame
 from taskschema_robot.camera.reading_thread import ReadingThread
 from taskschema_robot.camera.video_camera import VideoCamera
 from taskschema_robot.clock import RealClock
 from taskschema_robot.errors import CameraError
+from taskschema_robot.safety.monitors import CameraMonitor
+from taskschema_robot.twin.camera import TwinCamera
+from taskschema_robot.twin.twin import TwinOptions
 
 
 def film(path: Path) -> str:
@@ -73,10 +83,119 @@ def test_a_source_without_any_frame_says_why():
     def read() -> Frame:
         raise CameraError("Camera 'x' delivers no more pictures: check its cable.")
 
-    reader = ReadingThread(read, "x")
+    reader = ReadingThread(read, lambda: None, "x")
     with pytest.raises(CameraError, match="no more pictures"):
         reader.latest()
     reader.close()
+
+
+class Stream(BaseHTTPRequestHandler):
+    """An address that shows numbered pictures for as long as its server runs, as network cameras do."""
+
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=next")
+        self.end_headers()
+        number = 0
+        while not self.server.ending.wait(0.02):
+            number += 1
+            _, jpeg = cv2.imencode(".jpg", np.full((48, 64, 3), number % 250, dtype=np.uint8))
+            head = f"--next\r\nContent-Type: image/jpeg\r\nContent-Length: {len(jpeg)}\r\n\r\n"
+            self.wfile.write(head.encode() + jpeg.tobytes() + b"\r\n")
+
+    def log_message(self, *unused: object) -> None:
+        """Be quiet."""
+
+
+@contextmanager
+def streaming(port: int = 0) -> Iterator[int]:
+    """Stream pictures at a port of this machine."""
+    with ThreadingHTTPServer(("127.0.0.1", port), Stream) as server:
+        server.ending = threading.Event()
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+        thread.start()
+        try:
+            yield server.server_address[1]
+        finally:
+            server.ending.set()
+            server.shutdown()
+            thread.join()
+
+
+@contextmanager
+def twin_at(port: int = 0) -> Iterator[int]:
+    """Run a twin whose control server is at a port of this machine, and whose time is far behind."""
+    twin = RunningTwin(TwinOptions(epoch=time.time() - 100.0), control=port)
+    try:
+        yield int(twin.control_url.rpartition(":")[2])
+    finally:
+        twin.close()
+
+
+def video_camera(port: int) -> Camera:
+    return VideoCamera(f"http://127.0.0.1:{port}/", (64, 48), RealClock())
+
+
+def twin_camera(port: int) -> Camera:
+    return TwinCamera(f"ws://127.0.0.1:{port}", RealClock())
+
+
+def wait_until(true: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 40
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize(
+    ("source", "look"),
+    [
+        pytest.param(streaming, video_camera, id="video"),
+        pytest.param(twin_at, twin_camera, id="twin", marks=needs_renderer),
+    ],
+)
+def test_a_camera_that_was_gone_comes_back_and_its_age_was_a_fault_meanwhile(source, look):
+    """Cable out, cable in: the address is the same."""
+    clock = RealClock()
+    with source() as port:
+        camera = look(port)
+        monitor = CameraMonitor(camera, SafetyLimits().camera_age)
+        wait_until(lambda: monitor.fault(clock.now()) is None)
+    wait_until(lambda: monitor.fault(clock.now()) is not None)
+    assert "camera's last picture is" in monitor.fault(clock.now()).reason
+    gone = camera.latest()
+    time.sleep(0.2)
+    assert camera.latest() is gone
+    with source(port):
+        wait_until(lambda: camera.latest().time > gone.time)
+        wait_until(lambda: monitor.fault(clock.now()) is None)
+        camera.close()
+
+
+def test_a_source_is_opened_again_with_growing_pauses(monkeypatch):
+    monkeypatch.setattr("taskschema_robot.camera.reading_thread.FIRST_PAUSE", 0.01)
+    monkeypatch.setattr("taskschema_robot.camera.reading_thread.LONGEST_PAUSE", 0.04)
+    opened: list[float] = []
+    seen: list[Frame] = []
+
+    def reopen() -> None:
+        opened.append(time.monotonic())
+        if len(opened) < 6:
+            raise CameraError("It is not there.")
+
+    def read() -> Frame:
+        time.sleep(0.001)
+        if seen and not opened:
+            raise CameraError("It is gone.")
+        seen.append(Frame(0.0, len(opened), np.zeros((2, 2, 3), dtype=np.uint8)))
+        return seen[-1]
+
+    reader = ReadingThread(read, reopen, "x")
+    wait_until(lambda: reader.latest().number == 6)
+    reader.close()
+    assert len(opened) == 6, "it was opened again although it worked"
+    pauses = np.diff(opened)
+    assert (pauses >= np.array([0.02, 0.04, 0.04, 0.04, 0.04]) - 1e-3).all()
 
 
 def test_a_fetched_frame_fetches_once_and_only_if_looked_at():

@@ -15,6 +15,7 @@ from taskschema_robot.twin.client import TwinClient
 from taskschema_robot.twin.lock_step import LockStepClock
 from taskschema_robot.twin.service import TwinService
 from taskschema_robot.twin.twin import FINGER_MOUNT, Twin, TwinOptions
+from taskschema_robot.websocket_place import Place
 
 EPOCH = 1_800_000_000.0
 
@@ -22,11 +23,13 @@ EPOCH = 1_800_000_000.0
 class RunningTwin:
     """A twin in its own thread and event loop: clients reach it through real sockets."""
 
-    def __init__(self, options: TwinOptions, robot_object: RobotObject = HEAVY_BAR) -> None:
+    def __init__(
+        self, options: TwinOptions, robot_object: RobotObject = HEAVY_BAR, control: Place = 0
+    ) -> None:
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="twin", daemon=True)
         self._thread.start()
-        self.service = TwinService(robot_object, options)
+        self.service = TwinService(robot_object, options, control)
         self.run(self.service.start())
 
     def run(self, work: Coroutine[Any, Any, Any]) -> Any:

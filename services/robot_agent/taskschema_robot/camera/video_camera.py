@@ -22,27 +22,32 @@ class VideoCamera:
 
     def __init__(self, source: str, size: tuple[int, int], clock: Clock, *, exact: bool = True) -> None:
         self._source = source
-        self._size = size if exact else None
+        self._asked, self._exact = size, exact
         self._clock = clock
         self._count = 0
-        self._capture = cv2.VideoCapture(int(source) if source.isdigit() else source)
-        if not self._capture.isOpened():
+        self._capture = cv2.VideoCapture()
+        self._open()
+        self._reader = ReadingThread(self._read, self._open, repr(source))
+
+    def _open(self) -> None:
+        """Open the source, once more if it was open; in the reading thread then."""
+        self._capture.release()
+        if not self._capture.open(int(self._source) if self._source.isdigit() else self._source):
             raise CameraError(
-                f"Camera {source!r} cannot be opened: check that it is connected, that this user may read it,"
-                " and that no other program uses it."
+                f"Camera {self._source!r} cannot be opened: check that it is connected, that this user may"
+                " read it, and that no other program uses it."
             )
-        self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, size[0])
-        self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, size[1])
+        self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, self._asked[0])
+        self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self._asked[1])
         self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
-        self._reader = ReadingThread(self._read, repr(source))
 
     def _read(self) -> Frame:
         good, picture = self._capture.read()
         if not good:
             raise CameraError(f"Camera {self._source!r} delivers no more pictures: check its cable.")
         height, width = picture.shape[:2]
-        if self._size not in (None, (width, height)):
-            wanted = " x ".join(map(str, self._size or ()))
+        if self._exact and self._asked != (width, height):
+            wanted = " x ".join(map(str, self._asked))
             raise CameraError(
                 f"Camera {self._source!r} delivers {width} x {height} pixels, its lens file holds for"
                 f" {wanted}: set the camera to that, or make a lens file for this size (`calibrate --lens`)."

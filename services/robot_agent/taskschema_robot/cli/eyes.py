@@ -39,7 +39,7 @@ def open_eyes(stack: ExitStack, hardware: Hardware, source: str | None, lens: Pa
         if isinstance(hardware.clock, LockStepClock):
             camera = LockStepCamera(hardware.twin, hardware.clock)
         else:
-            camera = TwinCamera(hardware.twin.url)
+            camera = TwinCamera(hardware.twin.url, hardware.clock)
         projection = intrinsics()
     else:
         if source is None or lens is None:

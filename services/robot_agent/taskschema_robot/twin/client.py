@@ -45,6 +45,8 @@ class TwinClient:
         try:
             self._connection: ClientConnection = self.input_output.run(self._connect(), OPEN_SECONDS)
         except (OSError, TimeoutError, WebSocketException) as error:
+            if self._owns_loop:
+                self.input_output.close()
             raise TwinError(f"No twin at {url} ({error}): start one with `taskschema-robot twin`.") from None
 
     async def _connect(self) -> ClientConnection:
