@@ -51,5 +51,4 @@ def visible_motion(before: FloatArray, after: FloatArray) -> float:
 
 def _in_view(places: FloatArray) -> BoolArray:
     half: FloatArray = 0.5 * OVERHEAD_VIEW * (1.0 - places[:, 2] / OVERHEAD_HEIGHT) - BORDER
-    inside: BoolArray = (np.abs(places[:, :2]) < half[:, None]).all(axis=1)
-    return inside
+    return np.asarray((np.abs(places[:, :2]) < half[:, None]).all(axis=1))
