@@ -113,7 +113,10 @@ CASES = {
     ),
     "task file without class": (["train", "--task-file", "task.py"], "FILE:CLASS"),
     "broken task file": (["train", "--task-file", "task.py:Task"], "ValueError: broken"),
-    "task file of another class": (["train", "--task-file", "no_class.py:Task"], "There is no Task class 'Task'"),
+    "task file of another class": (
+        ["train", "--task-file", "no_class.py:Task"],
+        "There is no Task class 'Task'",
+    ),
     "unknown schema": (["train", "toy", "--init-schema", "none"], "Unknown run 'none'"),
     "no schema in the file": (["train", "toy", "--init-schema", "no_schema.json"], "is not a schema"),
     "a schema for a policy without one": (

@@ -257,6 +257,11 @@ WORLDS = {
         "return self._observe(episodes), success",
         "must be a StepResult",
     ),
+    "no observations": (
+        STEP_RESULT,
+        STEP_RESULT.replace("self._observe(episodes)", "None"),
+        "observations from step must be an array [2, 9], but is None.",
+    ),
     "success in numbers": (
         "success: BoolArray = np.logical_and(holding, np.all(raised >= GOAL_HEIGHT, axis=1))",
         "success = np.logical_and(holding, np.all(raised >= GOAL_HEIGHT, axis=1)) * 1",
