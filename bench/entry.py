@@ -58,9 +58,16 @@ def table(entries: Sequence[Entry]) -> str:
 
 def _row(entry: Entry) -> str:
     sign = "≥" if entry.better == "higher" else "≤"
-    target = "" if entry.target is None else f"{sign} {entry.target:.3g} {entry.unit}"
+    # Shares are measured from 0 to 1, but for those that have their unit.
+    factor, unit = (100, "%") if "share" in entry.name and entry.unit in ("", "x") else (1, entry.unit)
+    value = f"{figure(factor * entry.value)} {unit}".rstrip()
+    target = "" if entry.target is None else f"{sign} {figure(factor * entry.target)} {unit}".rstrip()
     reached = {True: "yes", False: "**no**", None: ""}[entry.reached]
-    return (
-        f"| {entry.id} | {entry.name} | {entry.value:.3g} {entry.unit} | {entry.spread:.2g} | {target} "
-        f"| {reached} |"
-    )
+    spread = figure(factor * entry.spread, digits=2)
+    return f"| {entry.id} | {entry.name} | {value} | {spread} | {target} | {reached} |"
+
+
+def figure(value: float, digits: int = 3) -> str:
+    """Return a number for people: so many significant digits, and never less than all before the point."""
+    text = f"{value:.{digits}g}"
+    return f"{value:,.0f}" if abs(float(text)) >= 10**digits else text

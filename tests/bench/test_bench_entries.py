@@ -4,7 +4,7 @@ import json
 
 import pytest
 from bench.__main__ import BENCHES, chosen, replaced
-from bench.entry import RESULTS, Entry, table, today
+from bench.entry import RESULTS, Entry, figure, table, today
 
 
 def test_an_entry_holds_the_median_and_the_spread():
@@ -33,6 +33,37 @@ def test_table_is_in_the_order_of_rows_and_marks_what_is_missed():
     assert early.startswith("| 2 | early")
     assert early.endswith("| yes |")
     assert late.endswith("| ≤ 25 ms | **no** |")
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        (0.0199, "0.0199"),
+        (99.96, "100"),
+        (999.4, "999"),
+        (999.6, "1,000"),
+        (1296.4, "1,296"),
+        (-2048, "-2,048"),
+    ],
+)
+def test_figures_are_those_of_people(value, words):
+    assert figure(value) == words
+    assert (figure(224.4, digits=2), figure(0.0881, digits=2)) == ("224", "0.088")
+
+
+def test_shares_are_in_per_cent_and_what_has_no_unit_is_a_number_alone():
+    entries = [
+        Entry(3, "largest share of the limits", 0.947, "x", 1, "lower", 0.027),
+        Entry(7, "encoding, share", 0.02, "%", None, "lower", 0.003),
+        Entry(13, "episodes to 90 %", 9000.0, "", 20_000, "lower", 6600.0),
+        Entry(14, "share of the object seen", 1.0, "", None, "higher", 0.0),
+    ]
+    assert table(entries).splitlines()[2:] == [
+        "| 3 | largest share of the limits | 94.7 % | 2.7 | ≤ 100 % | yes |",
+        "| 7 | encoding, share | 0.02 % | 0.003 |  |  |",
+        "| 13 | episodes to 90 % | 9,000 | 6,600 | ≤ 20,000 | yes |",
+        "| 14 | share of the object seen | 100 % | 0 |  |  |",
+    ]
 
 
 def test_every_row_of_the_table_has_a_bench():

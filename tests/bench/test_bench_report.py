@@ -69,7 +69,7 @@ def test_the_section_stands_between_its_marks_and_the_rest_stays():
     document = with_section(f"before {BEGIN} old {END} after", text)
     assert document.startswith("before ")
     assert document.endswith(f"{END} after")
-    assert "| 2 | share of the limit | 0.95 x |" in document
+    assert "| 2 | share of the limit | 95 % |" in document
     assert "old" not in document
     with pytest.raises(SystemExit, match="marks"):
         with_section("no marks", text)
