@@ -4,6 +4,7 @@ import json
 from contextlib import closing
 from dataclasses import replace
 from importlib import resources
+from types import SimpleNamespace
 
 import pytest
 
@@ -12,7 +13,7 @@ from taskschema.tasks.registry import get_task
 from taskschema_worker.audit import audit
 from taskschema_worker.audit.audit import RANDOM_GOOD_PART, Effort, _Audit, audit_with, is_idle
 from taskschema_worker.audit.report import AuditReport, Corner, Rate, SchemaRate, SearchedSchema
-from taskschema_worker.audit.search import Search, search_arguments
+from taskschema_worker.audit.search import Found, Search, search_arguments
 from taskschema_worker.scene_environment import SceneEnvironment
 
 TASK = get_task("lateral-lifting")
@@ -50,6 +51,43 @@ def report(**changes):
         "random_good": Rate(5, 1000),
     }
     return AuditReport(**(fields | changes))
+
+
+class Numbered(_Audit):
+    """Notes the number of every search instead of simulating anything."""
+
+    def _expert(self):
+        return Rate(1, 1), ()
+
+    def _screen(self, schemas):
+        return [SchemaRate(schema, Rate(1, 2)) for schema in schemas if not is_idle(schema)][:3]
+
+    def _random(self, schemas, part):
+        return Rate(0, 1)
+
+    def _found(self, schema, index, size, near_expert=None):
+        self.journal.append((index, schema))
+        return Found(0, 1, 0)
+
+
+@pytest.mark.parametrize(
+    ("idle", "offsets"), [(20, (0, 1000, 2000)), (1000, (0, 1000, 2000)), (1100, (0, 1100, 2200))]
+)
+def test_no_two_searches_share_a_number_however_many_schemas_there_are(idle, offsets):
+    pairs = [("no_op", f"skill {number}") for number in range(idle)]
+    pairs += [("grasp", f"skill {number}") for number in range(5)]
+    task = SimpleNamespace(
+        name="many", horizon=1, paper_schema=(pairs[-1],), pairs=SimpleNamespace(pairs=pairs)
+    )
+    searches = []
+    effort = replace(LEAST, idle_schemas=10_000, sample_schemas=2)
+    Numbered(None, task, 0, effort, lambda part, share: None, searches).run()
+    first, second, third = offsets
+    assert sorted(index for index, _ in searches) == [
+        *range(first, first + idle),
+        *range(second, second + 2),
+        *range(third, third + 3),
+    ]
 
 
 def test_wilson_interval_by_hand():
@@ -126,7 +164,7 @@ def test_a_schema_that_the_expert_solves_in_part_is_searched_near_its_arguments(
     effort = replace(LEAST, refine=Search(24, 2, 24))
     sample = _Audit(environment, TASK, 0, effort, lambda part, share: None)
     untouched = [SchemaRate(schema, Rate(24, 24)), SchemaRate(IDLE_SCHEMA, Rate(1, 100))]
-    better, *others = sample._refine([SchemaRate(schema, Rate(1, 100)), *untouched])
+    better, *others = sample._refine([SchemaRate(schema, Rate(1, 100)), *untouched], 2000)
     assert better.searched
     assert better.rate.value >= 0.75
     assert others == untouched

@@ -25,6 +25,8 @@ from taskschema_worker.scene_environment import SceneEnvironment
 Progress = Callable[[str, float], None]
 """Called with the part under way and the share of it that is done."""
 IDLE = "no_op"
+LEAST_ROOM = 1000
+"""Numbers that each kind of search has at least: recorded audits are counted with them."""
 NEAR_EXPERT = 0.2
 """Spread of a search about the expert's arguments, in units of half a search space."""
 EXPERT_PART, CORNER_PART, SCREEN_PART, CONFIRM_PART, RANDOM_PART, SAMPLE_PART, RANDOM_GOOD_PART = range(7)
@@ -164,12 +166,14 @@ class _Audit:
     def run(self) -> AuditReport:
         expert_rate, corners = self._expert()
         schemas = list(itertools.product(self.task.pairs.pairs, repeat=self.task.horizon))
-        screened = self._refine(self._screen(schemas))
+        picks = streams(self.seed, SAMPLE_PART, 0, 2)
         idle = [schema for schema in schemas if is_idle(schema) and not self._is_repeat(schema)]
+        idle = _choose(idle, self.effort.idle_schemas, picks[0])
+        room = max(LEAST_ROOM, len(idle), self.effort.sample_schemas)
+        screened = self._refine(self._screen(schemas), 2 * room)
         solved = {item.schema for item in screened}
         good = tuple(item for item in screened if item.rate.value >= GOOD_SHARE)
         rest = [schema for schema in schemas if schema not in solved and not is_idle(schema)]
-        picks = streams(self.seed, SAMPLE_PART, 0, 2)
         return AuditReport(
             task=self.task.name,
             paper_schema=self.task.paper_schema,
@@ -180,8 +184,8 @@ class _Audit:
             corners=corners,
             good=good,
             nearly_good=tuple(item for item in screened if 0 < item.rate.value < GOOD_SHARE),
-            idle=self._search("one arm idle", _choose(idle, self.effort.idle_schemas, picks[0]), 0),
-            sample=self._search("other schemas", _choose(rest, self.effort.sample_schemas, picks[1]), 1000),
+            idle=self._search("one arm idle", idle, 0),
+            sample=self._search("other schemas", _choose(rest, self.effort.sample_schemas, picks[1]), room),
             random=self._random([self.task.paper_schema], RANDOM_PART),
             random_good=self._random([item.schema for item in good], RANDOM_GOOD_PART),
         )
@@ -214,13 +218,13 @@ class _Audit:
         confirmed = self._rates(schemas, hopeful, CONFIRM_PART, self.effort.confirm)
         return [SchemaRate(schemas[index], rate) for index, rate in zip(hopeful, confirmed, strict=True)]
 
-    def _refine(self, screened: Sequence[SchemaRate]) -> list[SchemaRate]:
+    def _refine(self, screened: Sequence[SchemaRate], offset: int) -> list[SchemaRate]:
         """Search near the expert's arguments where those solve a schema in part; keep what solves more."""
         size, refined = self.effort.refine, []
         for index, item in enumerate(screened):
             self.progress("schemas solved in part", index / len(screened))
             if 0 < item.rate.value < GOOD_SHARE and not is_idle(item.schema):
-                found = self._found(item.schema, 2000 + index, size, NEAR_EXPERT)
+                found = self._found(item.schema, offset + index, size, NEAR_EXPERT)
                 rate = Rate(found.successes, found.trials)
                 if rate.value > item.rate.value:
                     item = SchemaRate(item.schema, rate, searched=True)
@@ -269,7 +273,7 @@ class _Audit:
         return Rate(self.journal.counts(f"random arguments, part {part}", count)[0], self.effort.random)
 
     def _found(self, schema: Schema, index: int, size: Search, near_expert: float | None = None) -> Found:
-        """Search the arguments of one schema."""
+        """Search the arguments of one schema; `index` is this search's own number within the audit."""
 
         def search() -> tuple[int, int, int]:
             task, seed = self.task, self.seed
