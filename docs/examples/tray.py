@@ -20,8 +20,8 @@ HANDLE_DISTANCE = 0.085
 """Of each handle from the tray's middle, along y [m]: one on each robot's side."""
 HEIGHT = PLATE[2] + HANDLE[2]
 FRICTION = 1.0
-LOCATION_RANGE = 0.05
-"""The tray's centre is drawn uniformly within +- this from the table's centre along x and y [m]."""
+LOCATION_RANGE = (0.05, 0.05)
+"""The tray's centre is drawn uniformly within +- these from the table's centre along x and y [m]."""
 DENSITY_RANGE = (1000.0, 1400.0)
 """[kg/m^3]: 1.5 to 2.2 kg."""
 LIFT_GOAL = 0.15
@@ -38,6 +38,7 @@ class Tray(SceneTask):
     family = "lateral_lifting"  # one of the families that the skills are allowed in
     summary = "lift a tray of varied place and density by 15 cm without tilting it"
     paper_schema = (("top_grasp", "top_grasp"), ("lift", "lift"))
+    location_range = LOCATION_RANGE
     top_grasp_height = (PLATE[2] + 0.5 * HANDLE[2]) / HEIGHT - 0.5  # the middle of a handle
 
     @cached_property
@@ -90,7 +91,7 @@ class Tray(SceneTask):
 
     def _instance(self, place: FloatArray) -> ObjectInstance:
         """Return the tray for x, y and density, each from -1 to 1 over its range."""
-        x, y = LOCATION_RANGE * place[:2]
+        x, y = np.array(LOCATION_RANGE) * place[:2]
         low, high = DENSITY_RANGE
         return ObjectInstance(
             position=(float(x), float(y), 0.5 * HEIGHT),

@@ -38,6 +38,13 @@ def test_the_example_is_solved_by_two_arms_and_not_by_one(tray):
     assert success(tray, left_alone, instances) == 0
 
 
+def test_from_images_both_handles_are_within_reach_wherever_the_tray_lies(tray):
+    generator = np.random.default_rng(0)
+    corners = [tray.draw_corner(corner, generator).position for corner in range(len(tray.corner_names))]
+    # Handles 0.085 m from the middle, which is up to 0.05 m from the table's: 0.135 m of 0.05 + 0.1 m.
+    assert 0.13 < max(abs(y) for _, y, _ in corners) + 0.085 <= tray.table.y[1]
+
+
 @pytest.mark.parametrize("name", ["HeavyBar", "RollingPin", "Box"])
 def test_the_bars_schema_lifts_other_objects_too_and_one_arm_does_not(name):
     carried = load_task_source(*read_task_file(str(ROOT / f"docs/examples/carried.py:{name}")))
