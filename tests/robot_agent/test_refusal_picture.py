@@ -12,6 +12,7 @@ from taskschema.randomness import EpisodeKey
 from taskschema.safety.limits import SafetyLimits
 from taskschema_robot.agent.episode import EpisodeRunner
 from taskschema_robot.agent.refusal_picture import RefusalPicture
+from taskschema_robot.agent.step_log import StepRecord
 from taskschema_robot.objects.catalogue import HEAVY_BAR
 
 
@@ -37,7 +38,7 @@ def test_a_refused_step_leaves_a_picture_that_the_log_names(tmp_path, caplog):
     picture = RefusalPicture(tmp_path / "refused.png", lambda: now[0])
     size = np.array(HEAVY_BAR.size)
     runner = EpisodeRunner(
-        TASK, size, bench.gate, ScriptedWorld(), bench.clock, bench.limits, refused=picture
+        TASK, size, bench.gate, ScriptedWorld(), bench.clock, bench.limits, listeners=[picture]
     )
     _, record = runner.run(EpisodeKey(0, 0, 0, 0), Meeting())
     assert len(record.refusals) == TASK.horizon
@@ -54,12 +55,16 @@ def test_another_is_drawn_after_a_while(tmp_path):
     now = [0.0]
     picture = RefusalPicture(tmp_path / "refused.png", lambda: now[0])
     motion = skill_motion(HOME, ("top_grasp", "top_grasp"), ([0.0, 0.0, 2.4], [0.0, 0.0, 2.4]))
-    refusal = TestBench().gate.check(motion)
-    picture(motion, refusal, "first")
+    refusal, key = TestBench().gate.check(motion), EpisodeKey(0, 0, 0, 0)
+
+    def refused(title: str) -> StepRecord:
+        return StepRecord(key, 0, (title, title), {}, np.zeros(7), motion, 0.0, refusal=refusal)
+
+    picture(refused("first"))
     first = (tmp_path / "refused.png").read_bytes()
     now[0] = 5.0
-    picture(motion, refusal, "second")
+    picture(refused("second"))
     assert (tmp_path / "refused.png").read_bytes() == first
     now[0] = 11.0
-    picture(motion, refusal, "third")
+    picture(refused("third"))
     assert (tmp_path / "refused.png").read_bytes() != first

@@ -82,6 +82,11 @@ class PairSpace:
         start = arm * sum(sizes) + sum(sizes[:skill])
         return slice(start, start + sizes[skill])
 
+    def named(self, pair: int, arguments: FloatArray) -> dict[str, float]:
+        """Return those of the arguments [A] that a pair uses, by their names."""
+        named = zip(self.argument_names, arguments.tolist(), self.used[pair], strict=True)
+        return {name: value for name, value, used in named if used}
+
     @cached_property
     def _bounds(self) -> tuple[FloatArray, FloatArray, BoolArray]:
         return (

@@ -2,7 +2,7 @@
 
 import dataclasses
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,9 +19,11 @@ from taskschema.trajectory import Trajectory
 from taskschema_robot.agent.kept_files import step_name
 from taskschema_robot.agent.observer import Observer, StateObserver
 from taskschema_robot.agent.skill_step import StepPlanner
+from taskschema_robot.agent.step_log import StepListener, StepRecord
 from taskschema_robot.agent.world import EpisodeDroppedError, World
 from taskschema_robot.clock import Clock
 from taskschema_robot.reward.judge import Judgement, Outcome
+from taskschema_robot.safety.fault import Fault, FaultError
 from taskschema_robot.safety.gated_arms import GatedArms
 from taskschema_robot.safety.homing import return_home
 
@@ -32,8 +34,6 @@ MOST_DESCENTS = 4
 
 Preview = Callable[[Motion, Refusal | None, str], None]
 """Shown every plan before it is made; raises EpisodeDroppedError if a person does not want it."""
-Refused = Callable[[Motion, Refusal, str], None]
-"""Told about every plan that the gate refused, with the skills' names."""
 Release = Callable[[str], None]
 """Asks a person to take what the hands hold, with the reason; returns when they may open."""
 
@@ -66,7 +66,7 @@ class EpisodeRunner:
         preview: told about every plan.
         release: asked before hands open that hold something in the air; None: nobody is there.
         observer: of what the policy sees; None: the state.
-        refused: told about every plan that was refused.
+        listeners: told about every step.
 
     """
 
@@ -81,7 +81,7 @@ class EpisodeRunner:
         preview: Preview | None = None,
         release: Release | None = None,
         observer: Observer | None = None,
-        refused: Refused | None = None,
+        listeners: Sequence[StepListener] = (),
     ) -> None:
         self._task = task
         self._size = size
@@ -91,7 +91,7 @@ class EpisodeRunner:
         self._limits = limits
         self._preview = preview
         self._release = release
-        self._refused = refused
+        self._listeners = tuple(listeners)
         self._observer = observer or StateObserver(task, size)
         self._lowering = False
         self._record, self._began = EpisodeRecord(), clock.now()
@@ -118,7 +118,7 @@ class EpisodeRunner:
             observation = self._observer.observe(self._arms.states(), pose, step)
             actions = policy.act(observation, step, [generator(key, Purpose.ACTION, step)])
             arguments = self._observer.skill_arguments(actions.arguments[0], pose)
-            self._make(int(actions.pairs[0]), arguments, pose, record)
+            self._make((key, step), int(actions.pairs[0]), arguments, pose)
             observations.append(observation[0])
             pairs.append(int(actions.pairs[0]))
             raws.append(actions.raw[0])
@@ -232,24 +232,36 @@ class EpisodeRunner:
         )
         self._planner.reset()
 
-    def _make(self, pair: int, arguments: FloatArray, pose: FloatArray, record: EpisodeRecord) -> None:
+    def _make(
+        self, place: tuple[EpisodeKey, int], pair: int, arguments: FloatArray, pose: FloatArray
+    ) -> None:
         """Make one step, or note why it is refused: the arms stay then, and the step counts."""
-        names = self._task.pairs.pairs[pair]
+        record, space = self._record, self._task.pairs
+        names = space.pairs[pair]
         motion = self._planner.plan(pair, arguments, self._arms.states(), pose)
         if self._preview is not None:
             self._preview(motion, self._arms.check(motion), ", ".join(names))
         record.skills.append(names)
+        step = StepRecord(*place, names, space.named(pair, arguments), pose, motion, self._clock.now())
         try:
             refusal = self._arms.execute(motion)
         except EpisodeDroppedError:
             record.skills.pop()  # it was not begun
             raise
+        except FaultError as error:
+            self._tell(step, fault=error.fault)
+            raise
+        self._tell(step, refusal=refusal)
         if refusal is not None:
             record.refusals.append(refusal.reason)
-            if self._refused is not None:
-                self._refused(motion, refusal, ", ".join(names))
             return
         self._planner.done(pair, motion)
+
+    def _tell(self, step: StepRecord, *, refusal: Refusal | None = None, fault: Fault | None = None) -> None:
+        """Tell the listeners what came of a step."""
+        seconds = self._clock.now() - step.began
+        for listener in self._listeners:
+            listener(dataclasses.replace(step, seconds=seconds, refusal=refusal, fault=fault))
 
     def _pose(self) -> FloatArray:
         pose = self._world.object_pose()

@@ -5,8 +5,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from taskschema.safety.motion import Motion
-from taskschema.safety.refusal import Refusal
+from taskschema_robot.agent.step_log import StepRecord
 from taskschema_robot.safety.picture import draw_motion
 
 log = logging.getLogger("taskschema.robot")
@@ -29,13 +28,16 @@ class RefusalPicture:
         self._monotonic = monotonic
         self._drawn = -float("inf")
 
-    def __call__(self, motion: Motion, refusal: Refusal, title: str) -> None:
-        """Draw a plan, unless the last one was drawn a moment ago; say in the log where it is."""
+    def __call__(self, record: StepRecord) -> None:
+        """Draw a refused plan, unless the last one was drawn a moment ago; say in the log where it is."""
+        if record.refusal is None:
+            return
+        refusal, title = record.refusal, ", ".join(record.skills)
         if self._monotonic() < self._drawn + SPARE_SECONDS:
             log.info("Refused, no picture so soon after another: %s: %s", title, refusal.reason)
             return
         part = self._path.with_name(f"{self._path.stem}.part{self._path.suffix}")
-        draw_motion(part, motion, refusal, title)
+        draw_motion(part, record.motion, refusal, title)
         part.replace(self._path)
         self._drawn = self._monotonic()
         log.info("Refused, see %s: %s: %s", self._path, title, refusal.reason)

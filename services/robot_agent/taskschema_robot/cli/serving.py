@@ -5,9 +5,11 @@ import os
 import re
 import socket
 import threading
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -21,15 +23,19 @@ from taskschema.safety.limits import SafetyLimits
 from taskschema.tasks.registry import task_of
 from taskschema.tasks.scene_task import SceneTask
 from taskschema_robot.agent.episode import EpisodeRunner
+from taskschema_robot.agent.fault_record import FaultRecord
 from taskschema_robot.agent.folder_lock import only_agent_of
 from taskschema_robot.agent.refusal_picture import RefusalPicture
 from taskschema_robot.agent.robot_agent import LEASE_SECONDS, RobotAgent
+from taskschema_robot.agent.step_log import StepLog
 from taskschema_robot.agent.twin_world import TrueWorld
 from taskschema_robot.agent.world import World
 from taskschema_robot.cli.arms import Hardware, Robots, distant_twin, own_twin, robot_hardware, twin_hardware
 from taskschema_robot.cli.eyes import Eyes, frame_observer, open_eyes
 from taskschema_robot.cli.person import Person, person_at_terminal, unattended_person
 from taskschema_robot.cli.stops import let_stop
+from taskschema_robot.drivers.driver import ArmDriver
+from taskschema_robot.drivers.recorded_arm import RecordedArm
 from taskschema_robot.objects.catalogue import get_object
 from taskschema_robot.objects.robot_object import RobotObject
 from taskschema_robot.reward.camera_world import CameraWorld
@@ -104,7 +110,7 @@ def serve(options: Serving, stop: threading.Event) -> None:
         world = _world(options, hardware, task, item, person, eyes)
         if isinstance(world, CameraWorld) and item.joint_markers:
             monitors += _following(stack, world, hardware)
-        gate = SafetyGate(hardware.drivers, hardware.clock, limits, monitors)
+        gate = _gate(hardware, limits, monitors, folder)
         let_stop(stack, person, gate.stop, None if options.unattended else options.stop_port)
         gate.prepare()
         size, release = np.array(item.size), person.operator.release
@@ -119,7 +125,7 @@ def serve(options: Serving, stop: threading.Event) -> None:
             person.preview,
             release,
             observer,
-            RefusalPicture(folder / "refused.png"),
+            [StepLog(folder / "steps.jsonl"), RefusalPicture(folder / "refused.png")],
         )
         agent_id = f"robot-{socket.gethostname()}"
         bus = WorkerBus(connect(url), run, agent_id, kind="robot", lease_seconds=LEASE_SECONDS)
@@ -144,6 +150,14 @@ def _hardware(stack: ExitStack, options: Serving, item: RobotObject, period: flo
     if options.robots is None:
         raise ConfigError("Name both robots: --left URL and --right URL.")
     return robot_hardware(stack, options.robots)
+
+
+def _gate(hardware: Hardware, limits: SafetyLimits, monitors: Sequence[Monitor], folder: Path) -> SafetyGate:
+    """Return the gate, which keeps what was before a fault."""
+    left, right = (RecordedArm(driver) for driver in hardware.drivers)
+    faults = FaultRecord(folder / "faults", (left.last_seconds, right.last_seconds))
+    arms = cast("tuple[ArmDriver, ArmDriver]", (left, right))
+    return SafetyGate(arms, hardware.clock, limits, monitors, faults)
 
 
 def _following(stack: ExitStack, world: CameraWorld, hardware: Hardware) -> list[Monitor]:
