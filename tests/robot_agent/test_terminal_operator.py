@@ -9,12 +9,14 @@ import cv2
 import numpy as np
 import pytest
 from rich.console import Console
+from twin_setup import LockStep
 
 from taskschema_robot.agent.episode import EpisodeRecord
 from taskschema_robot.agent.progress import Progress
 from taskschema_robot.agent.reset_picture import draw_reset
 from taskschema_robot.agent.terminal_operator import TerminalOperator
 from taskschema_robot.agent.world import SessionEndedError
+from taskschema_robot.cli.person import Person, unattended_person
 from taskschema_robot.objects.catalogue import get_object
 from taskschema_robot.reward.judge import Judgement, Outcome
 from taskschema_robot.safety.fault import Fault, FaultKind
@@ -184,3 +186,20 @@ def test_an_unknown_outcome_is_asked_about(tmp_path, log, line, expected):
     assert log.messages[-1] == (
         f"The outcome is unknown (the lid's marker is hidden); by a person's word it is {word}"
     )
+
+
+def test_a_twin_puts_its_object_back_and_the_person_says_only_what_nobody_sees(tmp_path):
+    terminal = Terminal(tmp_path, lines=["y"])
+    hidden = Judgement(Outcome.UNKNOWN, "the lid's marker is hidden")
+    twin, item = LockStep(get_object("heavy-bar")), get_object("heavy-bar")
+    try:
+        resets = Person(terminal.operator, terminal.operator).resets(twin.client)
+        wanted = np.array([0.05, -0.03, 0.5 * item.size[2], 1.0, 0.0, 0.0, 0.0])
+        resets.ask_reset(item, wanted, "")
+        assert terminal.questions == []
+        np.testing.assert_allclose(twin.client.object_pose()[:2], wanted[:2], atol=1e-3)
+        assert resets.ask_outcome(hidden) is True
+        assert unattended_person().resets(twin.client).ask_outcome(hidden) is None
+    finally:
+        twin.close()
+    assert Person(terminal.operator, terminal.operator).resets(None) is terminal.operator

@@ -29,7 +29,7 @@ class Person:
 
     operator: Operator
     reset_person: ResetPerson | None = None
-    """None: a twin's object puts itself back."""
+    """Who puts the object back beside real robots, and answers what the camera cannot see; None: nobody."""
     monitors: list[Monitor] = field(default_factory=list)
     preview: Preview | None = None
     keyboard: AbstractContextManager[object] = field(default_factory=nullcontext)
@@ -47,12 +47,12 @@ class Person:
         return self.keyboard
 
     def resets(self, twin: TwinClient | None) -> ResetPerson:
-        """Return who puts the object back."""
-        if self.reset_person is not None:
-            return self.reset_person
-        if twin is None:
+        """Return who puts the object back: a twin does so itself."""
+        if twin is not None:
+            return TwinPerson(twin, self.reset_person)
+        if self.reset_person is None:
             raise ValueError("nobody is there to put the object back")
-        return TwinPerson(twin)
+        return self.reset_person
 
 
 def unattended_person() -> Person:

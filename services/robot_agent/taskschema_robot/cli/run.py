@@ -60,7 +60,7 @@ def run(
         ),
     ] = False,
     unattended: Annotated[
-        bool, typer.Option("--unattended", help="Ask nobody: a twin's object puts itself back.")
+        bool, typer.Option("--unattended", help="Ask nobody, not even for an acknowledgement: for a twin.")
     ] = False,
 ) -> None:
     """Serve a run: lease its episodes, run them on both arms, stream what happened.
