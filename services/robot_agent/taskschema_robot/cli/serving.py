@@ -25,7 +25,7 @@ from taskschema.tasks.scene_task import SceneTask
 from taskschema_robot.agent.episode import EpisodeRunner
 from taskschema_robot.agent.fault_record import FaultRecord
 from taskschema_robot.agent.folder_lock import only_agent_of
-from taskschema_robot.agent.refusal_picture import RefusalPicture
+from taskschema_robot.agent.refusal_pictures import RefusalPictures
 from taskschema_robot.agent.robot_agent import LEASE_SECONDS, RobotAgent
 from taskschema_robot.agent.step_log import StepLog
 from taskschema_robot.agent.twin_world import TrueWorld
@@ -48,6 +48,8 @@ from taskschema_robot.twin.lock_step import LockStepClock
 
 OWN_TWIN = "own"
 """In place of a twin's address: one in this process."""
+FAST_SPARE_SECONDS = 10.0
+"""Between two pictures of refused plans where a twin in lock-step would wait for them [s]."""
 LINK_PATIENCE = 1.0
 """How long the watchdog's own connection to Redis tries again [s]."""
 
@@ -114,6 +116,7 @@ def serve(options: Serving, stop: threading.Event) -> None:
         let_stop(stack, person, gate.stop, None if options.unattended else options.stop_port)
         gate.prepare()
         size, release = np.array(item.size), person.operator.release
+        spare = FAST_SPARE_SECONDS if isinstance(hardware.clock, LockStepClock) else 0.0
         observer = frame_observer(task, size, eyes, hardware.clock) if eyes and sees_images else None
         runner = EpisodeRunner(
             task,
@@ -125,7 +128,7 @@ def serve(options: Serving, stop: threading.Event) -> None:
             person.preview,
             release,
             observer,
-            [StepLog(folder / "steps.jsonl"), RefusalPicture(folder / "refused.png")],
+            [StepLog(folder / "steps.jsonl"), RefusalPictures(folder / "refusals", spare)],
         )
         agent_id = f"robot-{socket.gethostname()}"
         bus = WorkerBus(connect(url), run, agent_id, kind="robot", lease_seconds=LEASE_SECONDS)
