@@ -1,5 +1,8 @@
 """Marker sheets that can be read back, and the check of a set-up."""
 
+import re
+from itertools import count
+
 import cv2
 import numpy as np
 import pytest
@@ -64,12 +67,16 @@ def test_what_is_wrong_is_named():
     assert "15" in findings["glass-jar"].words
 
 
-def tilted(number: int) -> Frame:
+def tilted(number: int, bent: float = 0.0) -> Frame:
+    """A view of the table's markers; of a board that is bent, their ends are off by so much [m]."""
     turn = cv2.Rodrigues(0.25 * np.array([np.cos(number), np.sin(number), 0.1 * number]))[0]
     place = FROM_ABOVE.position + [0.05 * np.cos(2 * number), 0.05 * np.sin(number), -0.02 * number]
     camera = Pose(place, turn @ FROM_ABOVE.rotation)
-    table = Pose(np.zeros(3), np.eye(3))
-    return Frame(0.0, number, draw([(marker, table) for marker in table_markers()], camera, seed=number))
+    shown = []
+    for marker in table_markers():
+        rise = bent * np.sin(number) * np.sign(marker.corners[:, 1].mean())
+        shown.append((marker, Pose(np.array([0.0, rise, abs(rise)]), np.eye(3))))
+    return Frame(0.0, number, draw(shown, camera, seed=number))
 
 
 def test_the_lens_is_found_from_tilted_views(tmp_path):
@@ -81,6 +88,28 @@ def test_the_lens_is_found_from_tilted_views(tmp_path):
     again, size = read_lens(tmp_path / "lens.json")
     np.testing.assert_allclose(again.matrix, found.matrix)
     assert size == (1920, 1080)
+
+
+def test_a_lens_that_does_not_fit_is_refused_and_not_written(tmp_path, monkeypatch):
+    numbers = count()
+    monkeypatch.setattr("builtins.input", lambda question: "")
+    camera = TiltedCamera(lambda: tilted(next(numbers) % 12, bent=0.008))
+    monkeypatch.setattr("taskschema_robot.camera.video_camera.VideoCamera", lambda *unused, **also: camera)
+    lens = tmp_path / "lens.json"
+    result = CliRunner().invoke(app, ["calibrate", "--camera", "0", "--lens", str(lens)])
+    assert isinstance(result.exception, CameraError)
+    assert re.search(r"best is \d+\.\d pixels off on average, 1 is the most: take", str(result.exception))
+    assert not lens.exists()
+
+
+class TiltedCamera:
+    """A camera before which the board is tilted each time it is looked through."""
+
+    def __init__(self, take) -> None:
+        self.latest = take
+
+    def close(self) -> None:
+        """Do nothing."""
 
 
 def test_too_few_views_and_bad_files(tmp_path):

@@ -23,6 +23,8 @@ LENS_VIEWS = 15
 """Asked for."""
 LEAST_VIEWS = 8
 """Of the marker board, for the lens."""
+LARGEST_RESIDUAL = 1.0
+"""Of a lens [pixels]: beyond it, the views do not belong to one lens and one flat board."""
 
 
 def check_view(frames: Sequence[Frame], intrinsics: Intrinsics, item: RobotObject | None) -> list[Finding]:
@@ -72,7 +74,7 @@ def calibrate_lens(
         say: tells the person.
 
     Raises:
-        CameraError: if too few views show enough markers.
+        CameraError: if too few views show enough markers, or no lens fits them.
 
     """
     detector, board = MarkerDetector(), {marker.number: marker.corners for marker in table_markers()}
@@ -92,6 +94,11 @@ def calibrate_lens(
             f"{len(points)} views show four markers or more, {LEAST_VIEWS} are needed: take more."
         )
     residual, matrix, distortion, _, _ = cv2.calibrateCamera(points, pixels, size, None, None)
-    return Intrinsics(np.asarray(matrix, np.float64), np.ravel(distortion)[:5].astype(np.float64)), float(
-        residual
-    )
+    if not residual <= LARGEST_RESIDUAL:
+        raise CameraError(
+            f"The lens that fits these views best is {residual:.1f} pixels off on average, "
+            f"{LARGEST_RESIDUAL:.0f} is the most: take them again, with the six markers flat and where they "
+            "belong to the millimetre, focus and zoom fixed, and nothing moving while a picture is taken."
+        )
+    lens = Intrinsics(np.asarray(matrix, np.float64), np.ravel(distortion)[:5].astype(np.float64))
+    return lens, float(residual)
