@@ -21,7 +21,7 @@ from taskschema.tasks.table_arguments import offset_arguments
 from taskschema.tasks.task import Schema
 from taskschema_learner.evaluation import wilson
 from taskschema_learner.machine import machine
-from taskschema_learner.schema_file import read_schema
+from taskschema_learner.schemas.schema_file import read_schema
 from taskschema_worker.audit.episodes import BATCH, run_schema
 from taskschema_worker.scene_environment import SceneEnvironment
 

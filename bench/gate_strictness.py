@@ -26,8 +26,8 @@ from taskschema.tasks.scene_task import ObjectInstance, SceneTask
 from taskschema.tasks.task import StepResult
 from taskschema_learner.learner import Learner
 from taskschema_learner.machine import machine
-from taskschema_learner.run_folder import RunFolder
-from taskschema_learner.run_policies import newest_policy
+from taskschema_learner.runs.run_folder import RunFolder
+from taskschema_learner.runs.run_policies import newest_policy
 from taskschema_robot.agent.skill_step import StepPlanner
 from taskschema_robot.drivers.driver import ArmState, GripperState
 from taskschema_worker.rollout import collect_slots

@@ -17,8 +17,8 @@ from taskschema.trajectory import Trajectory
 from taskschema_learner.evaluation import HELD_OUT
 from taskschema_learner.learner import Learner
 from taskschema_learner.machine import machine
-from taskschema_learner.run_folder import RunFolder
-from taskschema_learner.run_policies import newest_policy
+from taskschema_learner.runs.run_folder import RunFolder
+from taskschema_learner.runs.run_policies import newest_policy
 from taskschema_worker.environments import make_environment
 from taskschema_worker.rollout import collect_slots
 

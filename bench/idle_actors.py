@@ -10,7 +10,7 @@ from typing import Any
 import psutil
 
 from taskschema_learner.machine import machine
-from taskschema_learner.ray_runtime import RayRuntime
+from taskschema_learner.workers.ray_runtime import RayRuntime
 
 CALM_SECONDS = 10.0
 """For what starts with the actors to end [s]."""

@@ -15,7 +15,7 @@ from bench.entry import today
 from bench.images import PAGE, publish
 from taskschema.metrics import RoundMetrics
 from taskschema_learner.machine import machine
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.run_folder import RunFolder
 
 BEGIN = "<!-- measured: written by python -m bench.image_training -->"
 TASK = "lateral-lifting"

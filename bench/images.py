@@ -32,10 +32,10 @@ from taskschema.randomness import EpisodeKey, Purpose, generator, round_generato
 from taskschema.tasks.lateral_lifting import LateralLifting
 from taskschema.trajectory import encode_slot
 from taskschema_learner.embedded_redis import EmbeddedRedis
-from taskschema_learner.initial_weights import initial_spatial_weights
 from taskschema_learner.learner import Learner
 from taskschema_learner.machine import machine
-from taskschema_learner.spatial_network import SpatialNetwork
+from taskschema_learner.networks.initial_weights import initial_spatial_weights
+from taskschema_learner.networks.spatial_network import SpatialNetwork
 from taskschema_worker.seen_scene_environment import SeenSceneEnvironment
 from taskschema_worker.worker import Worker
 

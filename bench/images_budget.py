@@ -25,7 +25,7 @@ from taskschema.tasks.task import GOOD_SHARE, Schema
 from taskschema_learner.evaluation import SuccessRate, wilson
 from taskschema_learner.experiment.plan import PAPER_TASKS
 from taskschema_learner.machine import machine
-from taskschema_learner.schema_report import good_schemas
+from taskschema_learner.schemas.schema_report import good_schemas
 from taskschema_worker.audit.episodes import run_schemas
 from taskschema_worker.scene_environment import SceneEnvironment
 

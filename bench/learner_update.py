@@ -12,10 +12,10 @@ from bench.entry import Entry
 from bench.stable_baselines_twin import make_twin, train_with, weights_of
 from taskschema.arrays import Float32Array
 from taskschema.config import NetworkConfig, PPOConfig
-from taskschema_learner.batch import Batch
-from taskschema_learner.initial_weights import initial_weights
-from taskschema_learner.networks import ArgumentNetwork
-from taskschema_learner.optimiser import Optimiser
+from taskschema_learner.networks.argument_network import ArgumentNetwork
+from taskschema_learner.networks.initial_weights import initial_weights
+from taskschema_learner.update.batch import Batch
+from taskschema_learner.update.optimiser import Optimiser
 
 EPISODES, STEPS = 200, 3
 OBSERVATIONS, ARGUMENTS = 80, 8

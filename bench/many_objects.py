@@ -16,7 +16,7 @@ from taskschema.errors import TaskschemaError
 from taskschema_learner.experiment.cell_training import CellTraining
 from taskschema_learner.experiment.measurement import source_commit
 from taskschema_learner.machine import machine
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.run_folder import RunFolder
 
 OBJECTS: dict[str, list[str]] = {
     "the bar itself": ["lateral-lifting"],

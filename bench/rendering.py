@@ -14,7 +14,7 @@ from taskschema.frames import FRAME_SIZE
 from taskschema.tasks.registry import get_task, task_names, task_of
 from taskschema.tasks.scene_task import SceneTask
 from taskschema_learner.replay.recorded_episodes import expert_episodes, run_episodes, scene_of
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.run_folder import RunFolder
 from taskschema_worker.recording import RecordedEpisode
 from taskschema_worker.rendering.scene_renderer import SceneRenderer
 from taskschema_worker.rendering.speed import milliseconds_per_frame

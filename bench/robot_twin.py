@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taskschema_learner.machine import machine
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.run_folder import RunFolder
 
 RUNS, OUT = Path("runs/robot-twin"), Path("results/robot-twin")
 FROM_SIMULATION = "-from-simulation"

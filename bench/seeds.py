@@ -9,7 +9,7 @@ from pathlib import Path
 from bench.entry import Entry
 from bench.service_process import TASK, free_port
 from taskschema.metrics import RoundMetrics
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.run_folder import RunFolder
 
 GOAL = 0.9
 ROUNDS = 250

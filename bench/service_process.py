@@ -16,7 +16,7 @@ import psutil
 
 from taskschema.errors import RunFolderError
 from taskschema.metrics import RoundMetrics
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.run_folder import RunFolder
 
 TASK = "lateral-lifting"
 PATIENCE_SECONDS = 300.0

@@ -14,7 +14,7 @@ from torch import nn
 
 from taskschema.arrays import Float32Array
 from taskschema.config import PPOConfig
-from taskschema_learner.batch import Batch
+from taskschema_learner.update.batch import Batch
 
 
 class _Spaces(gymnasium.Env):

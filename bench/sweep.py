@@ -32,7 +32,7 @@ from taskschema.tasks.task import GOOD_SHARE
 from taskschema_learner.default_config import default_config
 from taskschema_learner.learner import Learner
 from taskschema_learner.machine import machine
-from taskschema_learner.schema_report import compare
+from taskschema_learner.schemas.schema_report import compare
 from taskschema_worker.environments import make_environment
 from taskschema_worker.rollout import collect_slots
 

@@ -14,8 +14,8 @@ from taskschema.skills.pairs import PairSpace
 from taskschema.skills.registry import SKILLS
 from taskschema.skills.table_space import TableRectangle
 from taskschema.tasks.toy import Toy
-from taskschema_learner.initial_weights import initial_spatial_weights
-from taskschema_learner.vgg_weights import TORCHVISION_LAYERS
+from taskschema_learner.networks.initial_weights import initial_spatial_weights
+from taskschema_learner.networks.vgg_weights import TORCHVISION_LAYERS
 
 TOY = Toy()
 FAMILIES = {

@@ -16,7 +16,7 @@ from taskschema.config import RunConfig
 from taskschema.kinematics.sawyer import sawyer
 from taskschema.motion import ArmPath
 from taskschema.tasks.registry import get_task
-from taskschema_learner.initial_weights import initial_weights
+from taskschema_learner.networks.initial_weights import initial_weights
 
 
 @pytest.fixture(scope="module")

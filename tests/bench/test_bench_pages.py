@@ -12,7 +12,7 @@ from rendering_setup import needs_renderer
 
 from taskschema.config import RunConfig
 from taskschema.tasks.registry import get_task
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.run_folder import RunFolder
 from taskschema_worker.audit.episodes import expert, run_schema
 from taskschema_worker.recording import RecordingEnvironment
 

@@ -10,7 +10,7 @@ from bench import robot_twin
 from bus_setup import some_metrics
 
 from taskschema.config import RunConfig
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.run_folder import RunFolder
 from taskschema_robot.agent.progress import COLUMNS, DROPPED_COLUMNS
 
 CONFIG = RunConfig(task="opening", policy="oracle")

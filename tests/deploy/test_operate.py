@@ -13,7 +13,7 @@ from tests.compose.documented import script
 
 from taskschema_learner.api.exposition import exposition
 from taskschema_learner.api.folder_source import FolderSource
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.run_folder import RunFolder
 
 DOCS = (Path(__file__).parents[2] / "docs/operate.md").read_text(encoding="utf-8")
 COMMAND = Path(sys.executable).with_name("taskschema")

@@ -19,7 +19,7 @@ from role_redis import RoleRedis, role_redis
 from taskschema.bus.keys import RunKeys
 from taskschema.bus.records import RunRecords
 from taskschema.bus.work_stream import work_entries
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.run_folder import RunFolder
 
 PATIENCE_SECONDS = 240.0
 """For what takes seconds on an idle machine."""

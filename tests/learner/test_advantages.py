@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskschema_learner.advantages import generalised_advantages
+from taskschema_learner.update.advantages import generalised_advantages
 
 
 def test_hand_computed() -> None:

@@ -7,8 +7,8 @@ import torch
 from torch import tensor
 
 from taskschema.config import PPOConfig
-from taskschema_learner.algorithms import ALGORITHMS, make_algorithm
-from taskschema_learner.batch import Samples
+from taskschema_learner.update.algorithms import ALGORITHMS, make_algorithm
+from taskschema_learner.update.batch import Samples
 
 
 def samples(advantages: list[float], returns: list[float]) -> Samples:

@@ -17,9 +17,9 @@ from taskschema.policies import ImagePolicy, PolicySnapshot
 from taskschema.tasks.registry import task_of
 from taskschema.trajectory import encode_slot
 from taskschema_learner.composition import TrainOptions, run_training
-from taskschema_learner.progress import Limits
-from taskschema_learner.recomputation import recompute
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.progress import Limits
+from taskschema_learner.runs.recomputation import recompute
+from taskschema_learner.runs.run_folder import RunFolder
 from taskschema_worker.environments import environment_of
 from taskschema_worker.rollout import collect_slots
 from taskschema_worker.worker import Worker

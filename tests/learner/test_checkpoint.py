@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from taskschema.errors import RunFolderError
-from taskschema_learner.checkpoint import Checkpoint, load_latest, save
+from taskschema_learner.runs.checkpoint import Checkpoint, load_latest, save
 
 
 def checkpoint(number: int, size: int = 50) -> Checkpoint:
@@ -104,7 +104,7 @@ import sys
 from pathlib import Path
 import numpy as np
 from taskschema.errors import RunFolderError
-from taskschema_learner.checkpoint import Checkpoint, save
+from taskschema_learner.runs.checkpoint import Checkpoint, save
 try:
     save(Path(sys.argv[1]), Checkpoint(2, 0, {"big": np.zeros(100_000)}))
 except RunFolderError as error:

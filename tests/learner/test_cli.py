@@ -16,9 +16,9 @@ from typer.testing import CliRunner
 from taskschema.schema import SchemaDocument
 from taskschema_learner.cli.main import app
 from taskschema_learner.cli.transfer import initial_logits
-from taskschema_learner.run_folder import RunFolder
-from taskschema_learner.schema_file import read_schema
-from taskschema_learner.verification import verify
+from taskschema_learner.runs.run_folder import RunFolder
+from taskschema_learner.runs.verification import verify
+from taskschema_learner.schemas.schema_file import read_schema
 from taskschema_worker.rendering.backend import working_backend
 
 COMMAND = Path(sys.executable).with_name("taskschema")

@@ -11,7 +11,7 @@ import pytest
 from taskschema.config import RunConfig
 from taskschema.schema import SchemaView
 from taskschema.tasks import get_task
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.run_folder import RunFolder
 
 ROOT = Path(__file__).parents[2]
 TRAY = (ROOT / "docs/examples/tray.py").read_text()
@@ -244,7 +244,7 @@ RIVAL = """
 import filelock
 from taskschema_learner import composition
 from taskschema_learner.cli.main import main
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.run_folder import RunFolder
 
 def rival(options):
     '''Another learner, which comes first.'''

@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 from taskschema.logs import FORMAT_VARIABLE
 from taskschema.policies.spatial_trunk import TRUNKS
 from taskschema_learner.cli.main import app
-from taskschema_learner.run_folder import RunFolder
-from taskschema_learner.vgg_weights import TORCHVISION_LAYERS
+from taskschema_learner.networks.vgg_weights import TORCHVISION_LAYERS
+from taskschema_learner.runs.run_folder import RunFolder
 
 ONE_EPISODE = ("episodes_per_slot=1", "ppo.epochs=1", "ppo.minibatches=1")
 

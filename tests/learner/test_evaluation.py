@@ -11,12 +11,12 @@ from taskschema.errors import ConfigError, RunFolderError
 from taskschema.metrics import RoundMetrics
 from taskschema.tasks.registry import get_task
 from taskschema_learner.evaluation import HELD_OUT, evaluate, held_out_episodes, wilson
-from taskschema_learner.export import write_trajectories
 from taskschema_learner.learner import Learner
-from taskschema_learner.recomputation import RecomputedRound, recompute
-from taskschema_learner.run_folder import RunFolder
-from taskschema_learner.run_policies import newest_policy
-from taskschema_learner.verification import training_episodes, verify
+from taskschema_learner.runs.export import write_trajectories
+from taskschema_learner.runs.recomputation import RecomputedRound, recompute
+from taskschema_learner.runs.run_folder import RunFolder
+from taskschema_learner.runs.run_policies import newest_policy
+from taskschema_learner.runs.verification import training_episodes, verify
 
 
 def metrics(number):
@@ -104,7 +104,7 @@ def test_a_run_is_computed_again_on_the_device_that_it_learned_on(monkeypatch, t
         devices.append(device)
         return [RecomputedRound(0, [], "ab")]
 
-    monkeypatch.setattr("taskschema_learner.verification.recompute", recompute_nothing)
+    monkeypatch.setattr("taskschema_learner.runs.verification.recompute", recompute_nothing)
     assert not verify(folder).same
     assert devices == ["cuda"]
 

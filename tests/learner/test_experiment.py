@@ -23,9 +23,9 @@ from taskschema_learner.experiment.measurement import CURVE_ROWS, judged, source
 from taskschema_learner.experiment.plan import RELEARNING_BUDGETS, WHOLE, Plan, next_cell
 from taskschema_learner.experiment.report import report
 from taskschema_learner.experiment.results_folder import ResultsFolder, Summary
-from taskschema_learner.run_folder import RunFolder
-from taskschema_learner.run_hash import run_hash
-from taskschema_learner.verification import verify
+from taskschema_learner.runs.run_folder import RunFolder
+from taskschema_learner.runs.run_hash import run_hash
+from taskschema_learner.runs.verification import verify
 
 ROOT = Path(__file__).parents[2]
 COMMAND = Path(sys.executable).with_name("taskschema")

@@ -11,13 +11,13 @@ from taskschema.config import ImageConfig, RunConfig
 from taskschema.errors import ConfigError, RunFolderError
 from taskschema.policies.spatial_trunk import TRUNKS
 from taskschema.tasks import get_task
-from taskschema_learner.checkpoint import Checkpoint, save
 from taskschema_learner.composition import TrainOptions, make_learner, open_folder
-from taskschema_learner.initial_policy import policy_of_file, policy_of_run, require_fit
 from taskschema_learner.learner import Learner
-from taskschema_learner.recomputation import recompute
-from taskschema_learner.run_folder import INITIAL_POLICY, TRUNK, RunFolder
-from taskschema_learner.run_policies import initial_policy_of, newest_policy
+from taskschema_learner.runs.checkpoint import Checkpoint, save
+from taskschema_learner.runs.initial_policy import policy_of_file, policy_of_run, require_fit
+from taskschema_learner.runs.recomputation import recompute
+from taskschema_learner.runs.run_folder import INITIAL_POLICY, TRUNK, RunFolder
+from taskschema_learner.runs.run_policies import initial_policy_of, newest_policy
 
 TOY = get_task("toy")
 SMALL = RunConfig(task="toy", policy="oracle", slots=4, seed=3)

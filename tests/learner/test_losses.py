@@ -11,7 +11,7 @@ from torch import tensor
 
 from taskschema.skills.pairs import PairSpace
 from taskschema.tasks import get_task
-from taskschema_learner.losses import (
+from taskschema_learner.update.losses import (
     argument_terms,
     clipped_policy_loss,
     clipped_value_loss,

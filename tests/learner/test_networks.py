@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from taskschema.config import NetworkConfig
 from taskschema.policies.network import LOG_STD_RANGE, forward
-from taskschema_learner.initial_weights import initial_weights
-from taskschema_learner.networks import ArgumentNetwork
+from taskschema_learner.networks.argument_network import ArgumentNetwork
+from taskschema_learner.networks.initial_weights import initial_weights
 
 
 def make(seed: int, inputs: int = 9, arguments: int = 6, pairs: int = 0) -> ArgumentNetwork:

@@ -10,8 +10,8 @@ from taskschema.errors import RunFolderError
 from taskschema.metrics import RoundMetrics
 from taskschema.schema import SchemaView
 from taskschema.tasks.registry import get_task
-from taskschema_learner.plots import Curve, average, labels_of, plot_run, plot_runs
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.run_folder import RunFolder
+from taskschema_learner.views.plots import Curve, average, labels_of, plot_run, plot_runs
 
 
 def row(number, success):

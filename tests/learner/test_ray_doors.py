@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from taskschema.errors import RayError
-from taskschema_learner.ray_runtime import AUTH_MODE, AUTH_TOKEN, RayRuntime
+from taskschema_learner.workers.ray_runtime import AUTH_MODE, AUTH_TOKEN, RayRuntime
 
 # What every client of Ray does first; ray.init() would try again and again for a minute.
 CLIENT = (

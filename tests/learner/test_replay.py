@@ -18,12 +18,12 @@ from taskschema.policies import PolicySnapshot
 from taskschema.randomness import EpisodeKey, Purpose, generator
 from taskschema.schema import SchemaView, one_hot_logits
 from taskschema.tasks.registry import get_task
-from taskschema_learner.initial_weights import initial_spatial_weights
+from taskschema_learner.networks.initial_weights import initial_spatial_weights
 from taskschema_learner.replay.captions import Captions
 from taskschema_learner.replay.film import write_film
 from taskschema_learner.replay.recorded_episodes import expert_episodes, run_episodes, scene_of
 from taskschema_learner.replay.replay import Look, draw_episodes
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.run_folder import RunFolder
 from taskschema_worker.audit.episodes import expert, run_schema
 from taskschema_worker.scene_environment import SceneEnvironment
 

@@ -11,7 +11,7 @@ import psutil
 import pytest
 from processes import command_line
 
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.run_folder import RunFolder
 
 COMMAND = str(Path(sys.executable).with_name("taskschema"))
 SLOW = f"{Path(__file__).with_name('slow_toy.py')}:SlowToy"

@@ -7,8 +7,8 @@ from spatial_setup import TOY, image_config, some_policy
 from taskschema.config import RunConfig
 from taskschema.errors import ConfigError, RunFolderError
 from taskschema.tasks.registry import get_task
-from taskschema_learner.response_maps import examples, map_extent, opacity, plot_response_maps
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.run_folder import RunFolder
+from taskschema_learner.views.response_maps import examples, map_extent, opacity, plot_response_maps
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from taskschema.config import FORMAT_VERSION, RunConfig
 from taskschema.errors import ConfigError, RunFolderError
 from taskschema.metrics import RoundMetrics
 from taskschema_learner.cli.run_reference import run_name
-from taskschema_learner.run_folder import RunFolder, write_atomically
+from taskschema_learner.runs.run_folder import RunFolder, write_atomically
 
 CONFIG = RunConfig(task="toy", seed=7)
 

@@ -14,12 +14,12 @@ from taskschema.config import RunConfig
 from taskschema.errors import RunFolderError, SchemaMismatchError, SignatureError
 from taskschema.schema import SchemaView
 from taskschema.tasks.toy import Toy
-from taskschema_learner.checkpoint import Checkpoint, save
 from taskschema_learner.cli.transfer import initial_logits
-from taskschema_learner.run_folder import RunFolder
-from taskschema_learner.run_hash import run_hash
-from taskschema_learner.schema_file import export_schema, read_schema
-from taskschema_learner.signing import key_path, owner_key, read_public_key
+from taskschema_learner.runs.checkpoint import Checkpoint, save
+from taskschema_learner.runs.run_folder import RunFolder
+from taskschema_learner.runs.run_hash import run_hash
+from taskschema_learner.schemas.schema_file import export_schema, read_schema
+from taskschema_learner.schemas.signing import key_path, owner_key, read_public_key
 
 LOGITS = np.arange(27.0).reshape(3, 9) / 7.0
 """Numbers that JSON has to keep to the last bit."""

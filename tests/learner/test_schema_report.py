@@ -9,9 +9,9 @@ import pytest
 from taskschema.errors import SchemaMismatchError
 from taskschema.schema import BestPair
 from taskschema.tasks.registry import get_task, load_task_source
-from taskschema_learner import schema_report
-from taskschema_learner.schema_explanation import explain
-from taskschema_learner.schema_report import SchemaVerdict, compare, good_schemas
+from taskschema_learner.schemas import schema_report
+from taskschema_learner.schemas.schema_explanation import explain
+from taskschema_learner.schemas.schema_report import SchemaVerdict, compare, good_schemas
 
 PAPER = [("reach", "reach"), ("raise", "raise")]
 TASK_FILE = """

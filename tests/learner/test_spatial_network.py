@@ -15,17 +15,17 @@ from taskschema.policies.spatial_network import SpatialNetwork as NumpyNetwork
 from taskschema.policies.spatial_trunk import TRUNKS
 from taskschema.randomness import Purpose, round_generator
 from taskschema.trajectory import Trajectory
-from taskschema_learner.batch import collate
-from taskschema_learner.initial_weights import initial_spatial_weights
 from taskschema_learner.learner import Learner
-from taskschema_learner.optimiser import Optimiser
-from taskschema_learner.parallel_parts import ParallelParts
-from taskschema_learner.spatial_network import (
+from taskschema_learner.networks.initial_weights import initial_spatial_weights
+from taskschema_learner.networks.spatial_network import (
     FRAMES_AT_ONCE,
     SPREAD_ENTROPY,
     SpatialEvaluation,
     SpatialNetwork,
 )
+from taskschema_learner.update.batch import collate
+from taskschema_learner.update.optimiser import Optimiser
+from taskschema_learner.update.parallel_parts import ParallelParts
 
 LAYOUT = SpatialLayout(TOY.image_pairs)
 

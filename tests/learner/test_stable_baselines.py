@@ -12,10 +12,10 @@ sys.path.insert(0, str(Path(__file__).parents[2]))  # bench is no installed pack
 from bench.stable_baselines_twin import make_twin, train_with, weights_of
 
 from taskschema.config import NetworkConfig, PPOConfig
-from taskschema_learner.batch import Batch
-from taskschema_learner.initial_weights import initial_weights
-from taskschema_learner.networks import ArgumentNetwork
-from taskschema_learner.optimiser import Optimiser
+from taskschema_learner.networks.argument_network import ArgumentNetwork
+from taskschema_learner.networks.initial_weights import initial_weights
+from taskschema_learner.update.batch import Batch
+from taskschema_learner.update.optimiser import Optimiser
 
 
 def random_batch(seed: int, episodes: int = 80, inputs: int = 9, arguments: int = 6) -> Batch:

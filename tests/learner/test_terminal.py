@@ -8,10 +8,10 @@ from rich.console import Console
 
 from taskschema.config import RunConfig
 from taskschema.tasks import get_task
-from taskschema_learner.progress import Limits, Progress
-from taskschema_learner.run_folder import RunFolder
-from taskschema_learner.terminal import TerminalObserver
+from taskschema_learner.runs.progress import Limits, Progress
+from taskschema_learner.runs.run_folder import RunFolder
 from taskschema_learner.training import TrainingContext
+from taskschema_learner.views.terminal import TerminalObserver
 
 
 class NoLog:

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from taskschema_learner.progress import Limits
-from taskschema_learner.time_left import seconds_left, words
+from taskschema_learner.runs.progress import Limits
+from taskschema_learner.views.time_left import seconds_left, words
 
 
 def rows(successes, seconds=2.0):

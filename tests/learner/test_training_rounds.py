@@ -14,13 +14,13 @@ from taskschema.errors import UnknownNameError
 from taskschema.metrics import RoundMetrics
 from taskschema.schema import SchemaView
 from taskschema_learner import composition
-from taskschema_learner.algorithms import ALGORITHMS
 from taskschema_learner.composition import TrainOptions, run_training
-from taskschema_learner.folder_state import folder_state
-from taskschema_learner.progress import Limits, Progress
-from taskschema_learner.reinforce import Reinforce
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.folder_state import folder_state
+from taskschema_learner.runs.progress import Limits, Progress
+from taskschema_learner.runs.run_folder import RunFolder
 from taskschema_learner.training import TrainingContext
+from taskschema_learner.update.algorithms import ALGORITHMS
+from taskschema_learner.update.reinforce import Reinforce
 
 ROUNDS = 3
 

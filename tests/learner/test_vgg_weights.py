@@ -11,8 +11,8 @@ from safetensors.torch import save_file
 from spatial_setup import torchvision_weights
 
 from taskschema.errors import TrunkError
-from taskschema_learner.inert_pickle import read_state_dict
-from taskschema_learner.vgg_weights import TORCHVISION_LAYERS, read_vgg_weights
+from taskschema_learner.networks.inert_pickle import read_state_dict
+from taskschema_learner.networks.vgg_weights import TORCHVISION_LAYERS, read_vgg_weights
 
 
 def state_dict(changes=None):

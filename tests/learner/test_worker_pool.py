@@ -19,8 +19,8 @@ from taskschema.config import RunConfig
 from taskschema.tasks.registry import task_of
 from taskschema_learner.embedded_redis import EmbeddedRedis
 from taskschema_learner.learner import Learner
-from taskschema_learner.ray_runtime import Node
-from taskschema_learner.worker_pool import ACTORS_PER_CORE, WorkerPool, places, share_of_core
+from taskschema_learner.workers.ray_runtime import Node
+from taskschema_learner.workers.worker_pool import ACTORS_PER_CORE, WorkerPool, places, share_of_core
 
 RUN = "pool-test"
 CONFIG = RunConfig(task="toy", slots=6, episodes_per_slot=2)
@@ -133,7 +133,7 @@ def collect(redis, rounds, act=lambda number: None):
 
 
 def test_rounds_are_the_same_while_workers_are_killed_added_and_removed(pool, redis, records):
-    from taskschema_learner.recomputation import recompute
+    from taskschema_learner.runs.recomputation import recompute
 
     def disturb(number):
         if number == 1:
@@ -202,7 +202,7 @@ def test_closing_leaves_no_process_behind_and_is_quick(pool, records, others):
 def test_nothing_outlives_a_killed_learner(redis, records):
     script = (
         "import sys, time\n"
-        "from taskschema_learner.worker_pool import WorkerPool\n"
+        "from taskschema_learner.workers.worker_pool import WorkerPool\n"
         f"with WorkerPool(sys.stdin.readline().strip(), {RUN!r}, target=1) as pool:\n"
         "    print(pool._ray._folder, flush=True)\n"
         "    time.sleep(300)\n"
@@ -228,7 +228,7 @@ def test_a_cluster_that_is_not_there_is_one_clear_error(redis):
     script = (
         "import sys\n"
         "from taskschema.errors import RayError\n"
-        "from taskschema_learner.ray_runtime import RayRuntime\n"
+        "from taskschema_learner.workers.ray_runtime import RayRuntime\n"
         "try: RayRuntime('127.0.0.1:1').start()\n"
         "except RayError as error: print(error)\n"
     )

@@ -20,7 +20,7 @@ from taskschema.tasks.lateral_lifting import LateralLifting
 from taskschema.tasks.registry import get_task
 from taskschema.tasks.table_arguments import offset_arguments
 from taskschema.trajectory import Trajectory, TrajectoryFormat, decode_slot, encode_slot
-from taskschema_learner.initial_weights import initial_spatial_weights
+from taskschema_learner.networks.initial_weights import initial_spatial_weights
 from taskschema_worker.environments import make_environment
 from taskschema_worker.image_environment import ImageEnvironment
 from taskschema_worker.rendering.looks import Looks

@@ -12,7 +12,7 @@ from taskschema.safety.sweep import Sweep
 from taskschema.schema import one_hot_logits
 from taskschema.tasks import get_task
 from taskschema.tasks.lateral_lifting import LateralLifting
-from taskschema_learner.initial_weights import first_weights
+from taskschema_learner.networks.initial_weights import first_weights
 from taskschema_robot.agent.skill_step import StepPlanner
 from taskschema_robot.drivers.driver import ArmState, GripperState
 from taskschema_worker.environments import environment_of

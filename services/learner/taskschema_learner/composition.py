@@ -24,19 +24,19 @@ from taskschema.logs import bind
 from taskschema.policies import PolicySnapshot
 from taskschema.tasks.registry import task_of
 from taskschema.tasks.scene_task import SceneTask
-from taskschema_learner.algorithms import make_algorithm
 from taskschema_learner.api.process import ApiProcess
 from taskschema_learner.api.transport import Tls
 from taskschema_learner.embedded_redis import EmbeddedRedis
-from taskschema_learner.folder_state import mark_finished
 from taskschema_learner.learner import Learner
-from taskschema_learner.progress import Limits
-from taskschema_learner.run_folder import RunFolder
-from taskschema_learner.run_policies import initial_policy_of, published_trunk, trunk_to_bytes
+from taskschema_learner.runs.folder_state import mark_finished
+from taskschema_learner.runs.progress import Limits
+from taskschema_learner.runs.run_folder import RunFolder
+from taskschema_learner.runs.run_policies import initial_policy_of, published_trunk, trunk_to_bytes
 from taskschema_learner.schema_trainers import make_schema_trainer
-from taskschema_learner.summaries import SummaryWriter
 from taskschema_learner.training import Parts, TrainingContext, TrainingObserver, TrainingStoppedError, train
-from taskschema_learner.worker_pool import WorkerPool
+from taskschema_learner.update.algorithms import make_algorithm
+from taskschema_learner.views.summaries import SummaryWriter
+from taskschema_learner.workers.worker_pool import WorkerPool
 
 log = logging.getLogger("taskschema.learner")
 

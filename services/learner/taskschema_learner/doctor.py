@@ -157,7 +157,7 @@ def _torch() -> Check:
 
 
 def _ray() -> Check:
-    from taskschema_learner.ray_runtime import RayRuntime
+    from taskschema_learner.workers.ray_runtime import RayRuntime
 
     runtime = RayRuntime()
     try:

@@ -13,8 +13,8 @@ from taskschema.policies import ActingPolicy, Actions, PolicySnapshot, policy_of
 from taskschema.tasks.registry import task_of
 from taskschema.tasks.task import BatchEnvironment
 from taskschema.trajectory import Trajectory
-from taskschema_learner.run_folder import RunFolder
-from taskschema_learner.run_policies import newest_policy
+from taskschema_learner.runs.run_folder import RunFolder
+from taskschema_learner.runs.run_policies import newest_policy
 from taskschema_worker.environments import environment_of
 from taskschema_worker.rollout import collect_slots
 

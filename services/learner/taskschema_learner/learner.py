@@ -14,12 +14,12 @@ from taskschema.randomness import Purpose, round_generator
 from taskschema.schema import one_hot_logits
 from taskschema.tasks.task import Task
 from taskschema.trajectory import Trajectory
-from taskschema_learner.batch import collate, in_order
-from taskschema_learner.initial_weights import first_weights
-from taskschema_learner.networks import ArgumentNetwork
-from taskschema_learner.optimiser import Optimiser, UpdateStatistics
+from taskschema_learner.networks.argument_network import ArgumentNetwork
+from taskschema_learner.networks.initial_weights import first_weights
+from taskschema_learner.networks.spatial_network import SpatialNetwork
 from taskschema_learner.schema_trainers import make_schema_trainer
-from taskschema_learner.spatial_network import SpatialNetwork
+from taskschema_learner.update.batch import collate, in_order
+from taskschema_learner.update.optimiser import Optimiser, UpdateStatistics
 
 __all__ = ["Learner", "UpdateStatistics"]
 

@@ -20,10 +20,10 @@ from taskschema.schema import SchemaDocument, SchemaView, entropy, softmax
 from taskschema.tasks.task import Task
 from taskschema.trajectory import Trajectory
 from taskschema_learner.learner import Learner, UpdateStatistics
-from taskschema_learner.progress import Limits, Progress
-from taskschema_learner.run_folder import RunFolder
-from taskschema_learner.run_state import restore_run, save_run
-from taskschema_learner.summaries import SummaryWriter
+from taskschema_learner.runs.progress import Limits, Progress
+from taskschema_learner.runs.run_folder import RunFolder
+from taskschema_learner.runs.run_state import restore_run, save_run
+from taskschema_learner.views.summaries import SummaryWriter
 
 log = logging.getLogger("taskschema.learner")
 

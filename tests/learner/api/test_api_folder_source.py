@@ -14,8 +14,8 @@ from taskschema.schema import SchemaDocument
 from taskschema_learner.api.folder_source import FolderSource
 from taskschema_learner.api.problems import ConflictError
 from taskschema_learner.api.tokens import TOKEN_VARIABLE
-from taskschema_learner.folder_state import FINISH, mark_finished
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.folder_state import FINISH, mark_finished
+from taskschema_learner.runs.run_folder import RunFolder
 
 NAME = "finished-run"
 

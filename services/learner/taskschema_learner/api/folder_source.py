@@ -15,8 +15,8 @@ from taskschema.errors import RunFolderError, UnknownNameError, WireError
 from taskschema.metrics import RoundMetrics
 from taskschema.policies import PolicySnapshot
 from taskschema_learner.api.problems import ConflictError, NotFoundError
-from taskschema_learner.folder_state import folder_state
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.folder_state import folder_state
+from taskschema_learner.runs.run_folder import RunFolder
 
 _TRAINING = "This run is training, and its folder takes no requests: send them to its own API."
 

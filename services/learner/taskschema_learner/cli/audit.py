@@ -46,7 +46,7 @@ def audit(
     from taskschema_learner.cli.task_reference import named_task, task_and_source
 
     audited = named_task(task, task_file)
-    from taskschema_learner.run_folder import write_atomically
+    from taskschema_learner.runs.run_folder import write_atomically
     from taskschema_worker.audit import About, Journal, code_sha256
     from taskschema_worker.audit import audit as measure
 

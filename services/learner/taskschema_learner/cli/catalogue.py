@@ -28,7 +28,7 @@ def tasks(as_json: Json = False) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from taskschema_learner.schema_report import schema_words
+    from taskschema_learner.schemas.schema_report import schema_words
 
     table = Table("task", "what it is", "T", "|X|", "A", "D", "paper's schema (left, right)", show_lines=True)
     for task in found:

@@ -9,7 +9,7 @@ from taskschema_learner.cli.run_reference import find_run
 
 if TYPE_CHECKING:
     from taskschema_learner.experiment.results_folder import ResultsFolder
-    from taskschema_learner.run_folder import RunFolder
+    from taskschema_learner.runs.run_folder import RunFolder
 
 
 def register(app: typer.Typer) -> None:
@@ -41,7 +41,7 @@ def plot(
     such as results/paper-sim, it draws the paper's figure: a panel a task, mean and spread of each policy.
     """
     from taskschema_learner.experiment.results_folder import ResultsFolder
-    from taskschema_learner.plots import plot_run, plot_runs
+    from taskschema_learner.views.plots import plot_run, plot_runs
 
     if len(runs) == 1 and ResultsFolder.is_one(Path(runs[0])):
         print(_plot_experiment(ResultsFolder(Path(runs[0])), output))
@@ -61,7 +61,7 @@ def plot(
 
 def _plot_response_maps(folders: "list[RunFolder]", output: Path | None) -> Path:
     from taskschema.errors import ConfigError
-    from taskschema_learner.response_maps import plot_response_maps
+    from taskschema_learner.views.response_maps import plot_response_maps
 
     if len(folders) != 1:
         raise ConfigError("--response-maps draws one run: name one RUN.")

@@ -49,7 +49,7 @@ def verify(
     from rich.console import Console
     from rich.progress import MofNCompleteColumn, Progress
 
-    from taskschema_learner import verification
+    from taskschema_learner.runs import verification
 
     folder = find_run(run)
     columns = (*Progress.get_default_columns(), MofNCompleteColumn())
@@ -90,18 +90,18 @@ def export(
     that it was trained on: hashes are compared. A robot's run cannot be computed again.
     """
     from taskschema.tasks.registry import task_of
-    from taskschema_learner.export import require_format, write_trajectories
+    from taskschema_learner.runs.export import require_format, write_trajectories
 
     require_format(output)
     folder = find_run(run)
     if rounds is None:
         from taskschema_learner.evaluation import held_out_episodes
-        from taskschema_learner.run_policies import newest_policy
+        from taskschema_learner.runs.run_policies import newest_policy
 
         trajectories = held_out_episodes(folder, newest_policy(folder), episodes, mean=mean)
         source = "held-out episodes of the newest policy"
     else:
-        from taskschema_learner.verification import training_episodes
+        from taskschema_learner.runs.verification import training_episodes
 
         trajectories = training_episodes(folder, rounds)
         done = trajectories[-1].round + 1

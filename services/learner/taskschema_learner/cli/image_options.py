@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from taskschema.config import RunConfig
-    from taskschema_learner.vgg_weights import TrunkWeights
+    from taskschema_learner.networks.vgg_weights import TrunkWeights
 
 
 def read_trunk(vgg_weights: Path | None) -> "TrunkWeights | None":
@@ -18,7 +18,7 @@ def read_trunk(vgg_weights: Path | None) -> "TrunkWeights | None":
     """
     if vgg_weights is None:
         return None
-    from taskschema_learner.vgg_weights import read_vgg_weights
+    from taskschema_learner.networks.vgg_weights import read_vgg_weights
 
     return read_vgg_weights(vgg_weights)
 

@@ -11,7 +11,7 @@ from taskschema_learner.cli.run_reference import find_run
 
 if TYPE_CHECKING:
     from taskschema.schema import SchemaDocument
-    from taskschema_learner.run_folder import RunFolder
+    from taskschema_learner.runs.run_folder import RunFolder
 
 
 def register(app: typer.Typer) -> None:
@@ -47,9 +47,9 @@ def schema(
     from rich.console import Console
 
     from taskschema.tasks.registry import task_of
-    from taskschema_learner.schema_explanation import explain
-    from taskschema_learner.schema_report import compare, schema_words
-    from taskschema_learner.schema_table import schema_table
+    from taskschema_learner.schemas.schema_explanation import explain
+    from taskschema_learner.schemas.schema_report import compare, schema_words
+    from taskschema_learner.schemas.schema_table import schema_table
 
     folder = find_run(run)
     document = folder.read_schema() if export is None else _export(folder, export)
@@ -69,8 +69,8 @@ def schema(
 
 def _export(folder: "RunFolder", path: Path) -> "SchemaDocument":
     """Write the signed file, say on standard error whose signature it is, and return its schema."""
-    from taskschema_learner.schema_file import export_schema
-    from taskschema_learner.signing import PUBLIC_SUFFIX, key_path, owner_key
+    from taskschema_learner.schemas.schema_file import export_schema
+    from taskschema_learner.schemas.signing import PUBLIC_SUFFIX, key_path, owner_key
 
     written = export_schema(folder, path, owner_key())
     print(
@@ -83,6 +83,6 @@ def _export(folder: "RunFolder", path: Path) -> "SchemaDocument":
 
 def print_hash(run: RunReference) -> None:
     """Print the SHA-256 of a run's newest policy: weights and schema logits. Equal runs have equal hashes."""
-    from taskschema_learner.run_hash import run_hash
+    from taskschema_learner.runs.run_hash import run_hash
 
     print(run_hash(find_run(run)))

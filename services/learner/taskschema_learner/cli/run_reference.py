@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from taskschema.errors import UnknownNameError
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.run_folder import RunFolder
 
 RUNS = Path("runs")
 """Where runs go and are looked for, below the working directory."""

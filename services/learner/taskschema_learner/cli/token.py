@@ -38,7 +38,7 @@ def token(
 
     from taskschema.errors import UnknownNameError
     from taskschema_learner.api import tokens
-    from taskschema_learner.run_folder import write_atomically
+    from taskschema_learner.runs.run_folder import write_atomically
 
     known = tokens.read_tokens(file).tokens if file.exists() else ()
     others = [item for item in known if item.name != name]

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from taskschema.bus.worker_info import AgentKind
     from taskschema.config import RunConfig
     from taskschema_learner.composition import TrainOptions
-    from taskschema_learner.run_folder import RunFolder
+    from taskschema_learner.runs.run_folder import RunFolder
 
 
 def register(app: typer.Typer) -> None:
@@ -86,7 +86,7 @@ def train(
 
     # These need torch, which takes seconds to import: what is wrong with the options shows before.
     from taskschema_learner.composition import TrainOptions
-    from taskschema_learner.progress import Limits
+    from taskschema_learner.runs.progress import Limits
 
     trunk_weights = None if first_trunk is None else first_trunk.weights
     config, initial = with_initial_policy(config, init_policy, trunk_weights)
@@ -148,7 +148,7 @@ def _run_to_resume(
     """Open the run that `--resume` means: --run-dir, or the newest of this task, policy and seed."""
     from taskschema.errors import ConfigError
     from taskschema_learner.cli.run_reference import newest_run_dir
-    from taskschema_learner.run_folder import RunFolder
+    from taskschema_learner.runs.run_folder import RunFolder
 
     if run_dir is None:
         name = task if task_file is None else task_file.rpartition(":")[2]
@@ -231,9 +231,9 @@ def _run(options: "TrainOptions", log_kind: str) -> None:
 
     from taskschema.logs import FORMAT_VARIABLE, log_format
     from taskschema_learner.composition import run_training
-    from taskschema_learner.log_observer import LogObserver
     from taskschema_learner.logs import RunLog
-    from taskschema_learner.terminal import TerminalObserver
+    from taskschema_learner.views.log_observer import LogObserver
+    from taskschema_learner.views.terminal import TerminalObserver
 
     kind = log_format(log_kind)
     os.environ[FORMAT_VARIABLE] = kind  # for the workers that are started here

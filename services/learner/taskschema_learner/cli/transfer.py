@@ -23,8 +23,8 @@ def initial_logits(
     from taskschema.schema import logits_from_document
     from taskschema.tasks.registry import task_of
     from taskschema_learner.cli.run_reference import find_run
-    from taskschema_learner.schema_file import read_schema
-    from taskschema_learner.signing import read_public_key
+    from taskschema_learner.schemas.schema_file import read_schema
+    from taskschema_learner.schemas.signing import read_public_key
 
     path = Path(reference)
     trusted = None if public_key is None else read_public_key(public_key)
@@ -81,7 +81,7 @@ def with_initial_policy(
 
     from taskschema.tasks.registry import task_of
     from taskschema_learner.cli.run_reference import find_run
-    from taskschema_learner.initial_policy import policy_of_file, policy_of_run, require_fit
+    from taskschema_learner.runs.initial_policy import policy_of_file, policy_of_run, require_fit
 
     path = Path(reference)
     initial = policy_of_file(path) if path.is_file() else policy_of_run(find_run(reference))

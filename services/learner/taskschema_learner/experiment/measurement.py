@@ -12,10 +12,10 @@ from taskschema.metrics import RoundMetrics
 from taskschema.tasks.registry import get_task, task_of
 from taskschema_learner.evaluation import SuccessRate, held_out_episodes, wilson
 from taskschema_learner.experiment.cell import Cell, CellResult, CellState
-from taskschema_learner.plots import TARGET
-from taskschema_learner.run_folder import RunFolder
-from taskschema_learner.run_policies import newest_policy
-from taskschema_learner.schema_report import compare, compare_used
+from taskschema_learner.runs.run_folder import RunFolder
+from taskschema_learner.runs.run_policies import newest_policy
+from taskschema_learner.schemas.schema_report import compare, compare_used
+from taskschema_learner.views.plots import TARGET
 
 CURVE_ROWS = 300
 """Most rows of a cell's table."""

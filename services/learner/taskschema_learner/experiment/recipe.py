@@ -12,7 +12,7 @@ from taskschema.schema import logits_from_document
 from taskschema.tasks.registry import get_task
 from taskschema_learner.default_config import default_config
 from taskschema_learner.experiment.cell import Cell
-from taskschema_learner.schema_file import read_schema
+from taskschema_learner.schemas.schema_file import read_schema
 
 
 class Recipe(Protocol):

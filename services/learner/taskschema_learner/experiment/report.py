@@ -9,7 +9,7 @@ from taskschema_learner.experiment.aims import aims_table
 from taskschema_learner.experiment.cell import Cell, CellResult
 from taskschema_learner.experiment.plan import PAPER_TASKS, WHOLE, is_done
 from taskschema_learner.experiment.results_folder import Summary
-from taskschema_learner.schema_report import SchemaVerdict, has_good_set, schema_words
+from taskschema_learner.schemas.schema_report import SchemaVerdict, has_good_set, schema_words
 
 POLICIES = ("schema", "state", "oracle", "transferred", "re-learned")
 DEFAULTS = ("Every cell is `taskschema train TASK --policy POLICY --seed SEED` with the defaults.",)

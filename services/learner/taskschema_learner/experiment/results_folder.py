@@ -10,7 +10,7 @@ import msgspec
 from taskschema.config import RunConfig
 from taskschema.errors import ExperimentError
 from taskschema_learner.experiment.cell import Cell, CellResult
-from taskschema_learner.run_folder import write_atomically
+from taskschema_learner.runs.run_folder import write_atomically
 
 SUMMARY = "summary.json"
 REMARKS = "remarks.md"

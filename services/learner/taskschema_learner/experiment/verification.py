@@ -12,7 +12,7 @@ from taskschema_learner.experiment.measurement import source_commit, today
 from taskschema_learner.experiment.plan import Plan
 from taskschema_learner.experiment.recipe import Recipe
 from taskschema_learner.experiment.results_folder import ResultsFolder
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.run_folder import RunFolder
 
 
 def verify_cells(

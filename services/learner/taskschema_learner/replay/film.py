@@ -7,7 +7,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from taskschema.errors import RenderingError
-from taskschema_learner.run_folder import write_atomically
+from taskschema_learner.runs.run_folder import write_atomically
 from taskschema_worker.rendering.frame import Frame
 
 FRAME_RATE = 25

@@ -11,8 +11,8 @@ from taskschema.tasks.scene_task import SceneTask
 from taskschema.tasks.task import BatchEnvironment, Task
 from taskschema_learner.evaluation import held_out_episodes
 from taskschema_learner.replay.response_overlay import ResponseOverlay
-from taskschema_learner.run_folder import RunFolder
-from taskschema_learner.run_policies import newest_policy
+from taskschema_learner.runs.run_folder import RunFolder
+from taskschema_learner.runs.run_policies import newest_policy
 from taskschema_worker.audit.episodes import expert, run_schema
 from taskschema_worker.image_environment import ImageEnvironment
 from taskschema_worker.plan_gate import PlanGate

@@ -9,11 +9,11 @@ from torch import Tensor
 from taskschema.arrays import AnyArray, FloatArray
 from taskschema.config import PPOConfig
 from taskschema.errors import ConfigError
-from taskschema_learner.advantages import generalised_advantages
-from taskschema_learner.algorithms import make_algorithm
-from taskschema_learner.batch import Batch, Samples
-from taskschema_learner.networks import ArgumentNetwork
-from taskschema_learner.spatial_network import SpatialNetwork
+from taskschema_learner.networks.argument_network import ArgumentNetwork
+from taskschema_learner.networks.spatial_network import SpatialNetwork
+from taskschema_learner.update.advantages import generalised_advantages
+from taskschema_learner.update.algorithms import make_algorithm
+from taskschema_learner.update.batch import Batch, Samples
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import psutil
 
 from taskschema.errors import RayError
-from taskschema_learner.ray_reaper import RayReaper
+from taskschema_learner.workers.ray_reaper import RayReaper
 
 if TYPE_CHECKING:
     from ray import ObjectRef

@@ -7,9 +7,9 @@ from torch import Tensor
 
 from taskschema.config import PPOConfig
 from taskschema.errors import UnknownNameError
-from taskschema_learner.batch import Samples
-from taskschema_learner.ppo import PPO
-from taskschema_learner.reinforce import Reinforce
+from taskschema_learner.update.batch import Samples
+from taskschema_learner.update.ppo import PPO
+from taskschema_learner.update.reinforce import Reinforce
 
 
 class Algorithm(Protocol):

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from taskschema_learner.losses import pair_entropy, pair_log_probability
+from taskschema_learner.update.losses import pair_entropy, pair_log_probability
 
 
 @dataclass(frozen=True)

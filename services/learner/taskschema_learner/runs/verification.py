@@ -7,9 +7,9 @@ import msgspec
 from taskschema.errors import RunFolderError
 from taskschema.metrics import RoundMetrics
 from taskschema.trajectory import Trajectory
-from taskschema_learner.recomputation import RecomputedRound, recompute
-from taskschema_learner.run_folder import RunFolder
-from taskschema_learner.run_policies import initial_policy_of, published_trunk
+from taskschema_learner.runs.recomputation import RecomputedRound, recompute
+from taskschema_learner.runs.run_folder import RunFolder
+from taskschema_learner.runs.run_policies import initial_policy_of, published_trunk
 
 SAME_BITS = "Bits are the same only with the same lock file and the same kind of processor."
 """What to look at where a round comes out differently."""

@@ -5,7 +5,7 @@ import logging
 from taskschema.metrics import RoundMetrics
 from taskschema.schema import SchemaView
 from taskschema_learner.logs import RunLog
-from taskschema_learner.progress import Progress
+from taskschema_learner.runs.progress import Progress
 from taskschema_learner.training import TrainingContext
 
 log = logging.getLogger("taskschema.training")
@@ -59,7 +59,7 @@ class LogObserver:
         facts = {"finished": finished} | ({} if finished else {"resume": self._resume_command})
         log.info("Training ended: %s", reason, extra={"facts": facts})
         if finished:
-            from taskschema_learner.plots import draw_curve
+            from taskschema_learner.views.plots import draw_curve
 
             draw_curve(self._folder)
 

@@ -17,7 +17,7 @@ from cryptography.hazmat.primitives.serialization import (
 )
 
 from taskschema.errors import SignatureError
-from taskschema_learner.run_folder import write_atomically
+from taskschema_learner.runs.run_folder import write_atomically
 
 KEY_VARIABLE = "TASKSCHEMA_SIGNING_KEY"
 """Environment variable with the path of the owner's key, where it is not at its usual place."""

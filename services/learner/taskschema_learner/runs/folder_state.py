@@ -6,7 +6,7 @@ from typing import NamedTuple
 import msgspec
 
 from taskschema.bus.run_status import RunState
-from taskschema_learner.run_folder import LOCK, RunFolder, write_atomically
+from taskschema_learner.runs.run_folder import LOCK, RunFolder, write_atomically
 
 FINISH = "finished.json"
 """File of a run's end, in its folder."""

@@ -10,10 +10,10 @@ from torch import Tensor
 
 from taskschema.arrays import AnyArray, Float32Array
 from taskschema.policies.network import LOG_STD_RANGE
-from taskschema_learner.action_terms import ActionTerms
-from taskschema_learner.bounds import bounded_gradient
-from taskschema_learner.losses import gaussian_gradients, gaussian_terms
-from taskschema_learner.perceptron import Perceptron, layer_views, parameter_count
+from taskschema_learner.networks.bounds import bounded_gradient
+from taskschema_learner.networks.perceptron import Perceptron, layer_views, parameter_count
+from taskschema_learner.update.action_terms import ActionTerms
+from taskschema_learner.update.losses import gaussian_gradients, gaussian_terms
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ import numpy as np
 from taskschema.arrays import Float32Array
 from taskschema.errors import RunFolderError, WireError
 from taskschema.policies import PolicySnapshot
-from taskschema_learner.checkpoint import load_latest
-from taskschema_learner.run_folder import TRUNK, RunFolder
+from taskschema_learner.runs.checkpoint import load_latest
+from taskschema_learner.runs.run_folder import TRUNK, RunFolder
 
 _TRUNK_ARRAYS = "weights.trunk."
 

@@ -11,7 +11,7 @@ from taskschema.policies.spatial_layout import SpatialLayout
 from taskschema.policies.spatial_trunk import TRUNKS, maps_layer, squeeze_layer
 from taskschema.randomness import Purpose, round_generator
 from taskschema.tasks.task import Task
-from taskschema_learner.spatial_network import head_shapes
+from taskschema_learner.networks.spatial_network import head_shapes
 
 TRUNK_GAIN = math.sqrt(2.0)
 ACTOR_GAIN = 0.01

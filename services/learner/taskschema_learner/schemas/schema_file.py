@@ -13,10 +13,10 @@ from taskschema import __version__
 from taskschema.config import RunConfig
 from taskschema.errors import RunFolderError, SignatureError
 from taskschema.schema import SchemaDocument
-from taskschema_learner.checkpoint import load_round
-from taskschema_learner.run_folder import RunFolder, write_atomically
-from taskschema_learner.run_hash import policy_hash
-from taskschema_learner.signing import is_signed_by, public_key_of, public_text
+from taskschema_learner.runs.checkpoint import load_round
+from taskschema_learner.runs.run_folder import RunFolder, write_atomically
+from taskschema_learner.runs.run_hash import policy_hash
+from taskschema_learner.schemas.signing import is_signed_by, public_key_of, public_text
 
 SCHEMA_FILE_VERSION = 1
 MAX_SCHEMA_BYTES = 8 * 1024 * 1024

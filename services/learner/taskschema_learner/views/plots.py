@@ -14,7 +14,7 @@ from taskschema.arrays import FloatArray
 from taskschema.config import RunConfig
 from taskschema.errors import RunFolderError
 from taskschema.metrics import RoundMetrics
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.run_folder import RunFolder
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,10 +6,10 @@ import msgspec
 
 from taskschema.errors import RunFolderError
 from taskschema.metrics import RoundMetrics
-from taskschema_learner.checkpoint import Checkpoint, load_latest, save
 from taskschema_learner.learner import Learner
-from taskschema_learner.progress import Progress
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.checkpoint import Checkpoint, load_latest, save
+from taskschema_learner.runs.progress import Progress
+from taskschema_learner.runs.run_folder import RunFolder
 
 _PROGRESS = "progress"
 _METRICS = "metrics"

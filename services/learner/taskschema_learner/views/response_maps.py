@@ -15,9 +15,9 @@ from taskschema.skills.pairs import ARMS
 from taskschema.tasks.registry import task_of
 from taskschema.tasks.task import Task
 from taskschema_learner.evaluation import HELD_OUT
-from taskschema_learner.plots import new_figure, save_figure
-from taskschema_learner.run_folder import RunFolder
-from taskschema_learner.run_policies import newest_policy
+from taskschema_learner.runs.run_folder import RunFolder
+from taskschema_learner.runs.run_policies import newest_policy
+from taskschema_learner.views.plots import new_figure, save_figure
 from taskschema_worker.environments import environment_of
 
 EXAMPLES = 3

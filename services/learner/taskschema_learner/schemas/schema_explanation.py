@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from taskschema.tasks.task import Schema, Task
-from taskschema_learner.schema_report import (
+from taskschema_learner.schemas.schema_report import (
     SchemaComparison,
     SchemaVerdict,
     audit_command,

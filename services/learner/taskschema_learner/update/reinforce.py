@@ -5,8 +5,8 @@ from typing import ClassVar
 from torch import Tensor
 
 from taskschema.config import PPOConfig
-from taskschema_learner.batch import Samples
-from taskschema_learner.losses import clipped_value_loss
+from taskschema_learner.update.batch import Samples
+from taskschema_learner.update.losses import clipped_value_loss
 
 
 class Reinforce:

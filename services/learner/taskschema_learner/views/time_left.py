@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from taskschema.metrics import RoundMetrics
-from taskschema_learner.progress import Limits
+from taskschema_learner.runs.progress import Limits
 
 LOOK_BACK = 10
 """Rounds that an estimate is made from."""

@@ -26,10 +26,10 @@ from taskschema.policies.spatial_trunk import (
 )
 from taskschema.skills.pairs import ARMS
 from taskschema.tasks.task import Task
-from taskschema_learner.action_terms import ActionTerms
-from taskschema_learner.bounds import bounded
-from taskschema_learner.losses import argument_terms
-from taskschema_learner.parallel_parts import ParallelParts
+from taskschema_learner.networks.bounds import bounded
+from taskschema_learner.update.action_terms import ActionTerms
+from taskschema_learner.update.losses import argument_terms
+from taskschema_learner.update.parallel_parts import ParallelParts
 
 FRAMES_AT_ONCE = 8
 """Frames that pass the network together; it bounds memory, and more of them are slower."""

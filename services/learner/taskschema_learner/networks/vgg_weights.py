@@ -11,7 +11,7 @@ from safetensors.numpy import load as load_safetensors
 from taskschema.arrays import AnyArray, Float32Array
 from taskschema.errors import TrunkError
 from taskschema.policies.spatial_trunk import TRUNKS
-from taskschema_learner.inert_pickle import read_state_dict
+from taskschema_learner.networks.inert_pickle import read_state_dict
 
 TORCHVISION_LAYERS = (0, 2, 5, 7, 10, 12, 14, 17, 19, 21)
 """Numbers of the first ten convolutions in torchvision's `vgg16().features`."""

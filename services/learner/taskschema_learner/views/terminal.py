@@ -13,11 +13,11 @@ from taskschema.config import PolicyKind
 from taskschema.metrics import RoundMetrics
 from taskschema.schema import BestPair, SchemaView
 from taskschema_learner.logs import RunLog
-from taskschema_learner.progress import Progress
-from taskschema_learner.schema_report import compare, schema_words
-from taskschema_learner.schema_table import schema_table
-from taskschema_learner.time_left import seconds_left, words
+from taskschema_learner.runs.progress import Progress
+from taskschema_learner.schemas.schema_report import compare, schema_words
+from taskschema_learner.schemas.schema_table import schema_table
 from taskschema_learner.training import TrainingContext
+from taskschema_learner.views.time_left import seconds_left, words
 
 LINE_SECONDS = 2.0
 """Least time between two lines where there is no terminal [s]."""
@@ -117,7 +117,7 @@ class TerminalObserver:
         self._console.print(text, soft_wrap=True, markup=False)
 
     def _draw_curve(self) -> None:
-        from taskschema_learner.plots import draw_curve
+        from taskschema_learner.views.plots import draw_curve
 
         picture = draw_curve(self._context.folder.path)
         if picture is not None:

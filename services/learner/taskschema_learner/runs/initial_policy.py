@@ -15,9 +15,9 @@ from taskschema.errors import ConfigError, RunFolderError, WireError
 from taskschema.policies import PolicySnapshot
 from taskschema.tasks.registry import task_of
 from taskschema.tasks.task import Task
-from taskschema_learner.initial_weights import first_weights
-from taskschema_learner.run_folder import RunFolder
-from taskschema_learner.run_policies import newest_policy
+from taskschema_learner.networks.initial_weights import first_weights
+from taskschema_learner.runs.run_folder import RunFolder
+from taskschema_learner.runs.run_policies import newest_policy
 
 MAX_POLICY_BYTES = 256 * 1024 * 1024
 """No policy file is larger: the largest of this project's, with VGG16's blocks, has some 40 MiB."""

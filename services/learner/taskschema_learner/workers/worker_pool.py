@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 from taskschema.bus.connection import connect
 from taskschema.bus.records import RunRecords
 from taskschema.errors import BusError, RayError
-from taskschema_learner.ray_runtime import Node, RayRuntime
+from taskschema_learner.workers.ray_runtime import Node, RayRuntime
 
 if TYPE_CHECKING:
     from ray import ObjectRef

@@ -2,8 +2,8 @@
 
 from taskschema.errors import RunFolderError
 from taskschema.policies import PolicySnapshot
-from taskschema_learner.checkpoint import Checkpoint, load_latest
-from taskschema_learner.run_folder import RunFolder
+from taskschema_learner.runs.checkpoint import Checkpoint, load_latest
+from taskschema_learner.runs.run_folder import RunFolder
 
 _WEIGHTS = "weights."
 

@@ -1,0 +1,1 @@
+"""Networks in torch, their first weights, and published ones."""

@@ -1,0 +1,1 @@
+"""Rollout actors on Ray."""
