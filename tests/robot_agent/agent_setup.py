@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import redis
 from bus_setup import Run
 from recording_arms import TestBench
 
@@ -112,7 +113,7 @@ class AgentBench:
         def watch() -> None:
             records = connect(self.run.url)
             deadline = seconds
-            while deadline > 0 and records.xlen(self.run.keys.trajectories) < results:
+            while deadline > 0 and _delivered(records, self.run) < results:
                 if stop.wait(0.05):
                     return
                 deadline -= 0.05
@@ -128,6 +129,14 @@ class AgentBench:
 
     def leave(self) -> None:
         self.bus.leave()
+
+
+def _delivered(records: redis.Redis, run: Run) -> int:
+    """Return how many slots are in a run's stream; none as long as its Redis is away."""
+    try:
+        return int(records.xlen(run.keys.trajectories))
+    except (redis.ConnectionError, redis.TimeoutError):
+        return 0
 
 
 def open_round(run: Run, round_index: int = 0) -> tuple[LearnerBus, PolicySnapshot]:
