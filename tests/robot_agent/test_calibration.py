@@ -12,12 +12,13 @@ from typer.testing import CliRunner
 from taskschema_robot.camera.camera import Frame
 from taskschema_robot.cli.main import app
 from taskschema_robot.errors import CameraError
-from taskschema_robot.objects.catalogue import get_object
+from taskschema_robot.objects.catalogue import OBJECTS, get_object
 from taskschema_robot.objects.marker import table_markers
 from taskschema_robot.reward import sheets
 from taskschema_robot.reward.calibration import calibrate_lens, check_view
 from taskschema_robot.reward.detector import MarkerDetector
 from taskschema_robot.reward.lens_file import read_lens, write_lens
+from taskschema_robot.reward.placement import direction
 from taskschema_robot.reward.poses import Pose
 
 JAR = get_object("glass-jar")
@@ -47,6 +48,26 @@ def test_the_command_writes_a_pdf(tmp_path):
     assert result.exit_code == 0, result.output
     assert path.read_bytes().startswith(b"%PDF")
     assert "print at 100 %" in result.output
+
+
+@pytest.mark.parametrize("item", OBJECTS.values(), ids=OBJECTS)
+def test_the_last_page_says_where_every_marker_goes(item):
+    figure = sheets._draw_places(item, 4)
+    (table,) = (artist for axes in figure.axes for artist in axes.tables)
+    cells = {place: cell.get_text().get_text() for place, cell in table.get_celld().items()}
+    markers = [*item.markers, *item.joint_markers]
+    for row, marker in enumerate(markers, 1):
+        assert (cells[row, 0], cells[row, 1]) == (str(marker.number), f"{1000 * marker.size:.0f}")
+        place = [float(cells[row, column]) / 1000 for column in (2, 3, 4)]
+        np.testing.assert_allclose(place, marker.position, atol=6e-5)
+    assert len({row for row, _ in cells}) == len(markers) + 1
+    edges = {text.get_text() for axes in figure.axes for text in axes.texts}
+    assert {f"{1000 * edge:.0f}" for edge in item.size} <= edges
+
+
+def test_axes_in_words():
+    assert direction((1.0, 0.0, 0.0)) == "+x"
+    assert direction((0.7, 0.0, -0.7)) == "+x -z"
 
 
 def frames(**kwargs) -> list[Frame]:

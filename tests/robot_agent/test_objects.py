@@ -1,5 +1,7 @@
 """The nine objects: every one complete, of the paper's families, and simulable."""
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from taskschema_robot.objects.catalogue import OBJECTS, get_object
 from taskschema_robot.objects.marker import TABLE_MARKERS, Marker, table_markers
 from taskschema_robot.objects.robot_object import RobotObject
 
+PAGE = Path(__file__).parents[2] / "docs/run-a-robot.md"
 FAMILIES = {"lateral_lifting": 4, "picking": 1, "opening": 2, "rotating": 2}
 """Objects of each family in the paper's real experiments (Table I)."""
 
@@ -67,3 +70,17 @@ def test_bad_configuration_is_refused():
     with pytest.raises(UnknownNameError, match="rolling-pin"):
         get_object("roling-pin")
     assert len(table_markers()) == 6
+
+
+def documented(item: RobotObject) -> str:
+    """Return an object's row in the table of docs/run-a-robot.md."""
+    size = " x ".join(f"{1000 * edge:.0f}" for edge in item.size)
+    numbers = ", ".join(f"{marker.number} ({1000 * marker.size:.0f})" for marker in item.markers)
+    turning = ", ".join(f"{marker.number} ({1000 * marker.size:.0f})" for marker in item.joint_markers)
+    markers = f"{numbers}; turning {turning}" if turning else numbers
+    return f"| `{item.name}` | {size} | {item.mass:g} | {markers} | {' '.join(item.reset)} |"
+
+
+@pytest.mark.parametrize("item", OBJECTS.values(), ids=OBJECTS)
+def test_the_table_in_the_docs_is_the_catalogues(item: RobotObject):
+    assert documented(item) in PAGE.read_text().splitlines(), f"the row should be\n{documented(item)}"

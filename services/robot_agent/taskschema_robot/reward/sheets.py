@@ -1,4 +1,4 @@
-"""Marker sheets to print, to scale."""
+"""Marker sheets to print, to scale, and where an object's markers go."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,6 +8,7 @@ import numpy as np
 
 from taskschema_robot.objects.marker import DICTIONARY, Marker, table_markers
 from taskschema_robot.objects.robot_object import RobotObject
+from taskschema_robot.reward.placement import draw_placement
 
 PAGE = (0.210, 0.297)
 """A4 [m]."""
@@ -19,7 +20,10 @@ CELLS = 6
 
 
 def write_sheets(path: Path, item: RobotObject | None) -> int:
-    """Write the table's markers and an object's as a PDF of A4 pages; return how many pages."""
+    """Write the table's markers and an object's as a PDF of A4 pages; return how many pages.
+
+    The last page shows where the object's go: it is not to scale.
+    """
     from matplotlib.backends.backend_pdf import PdfPages
 
     titles = {"table": list(table_markers())}
@@ -28,10 +32,13 @@ def write_sheets(path: Path, item: RobotObject | None) -> int:
         if item.joint_markers:
             titles[f"{item.name}, turning part"] = list(item.joint_markers)
     pages = [(title, page) for title, markers in titles.items() for page in _pages(markers)]
+    count = len(pages) + (item is not None)
     with PdfPages(path) as pdf:
         for number, (title, page) in enumerate(pages):
-            pdf.savefig(_draw(title, number + 1, len(pages), page))
-    return len(pages)
+            pdf.savefig(_draw(title, number + 1, count, page))
+        if item is not None:
+            pdf.savefig(_draw_places(item, count))
+    return count
 
 
 def _pages(markers: Sequence[Marker]) -> list[list[tuple[Marker, float, float]]]:
@@ -72,6 +79,16 @@ def _draw(title: str, number: int, count: int, page: list[tuple[Marker, float, f
     figure.text(
         0.5, 0.96, f"{title} (page {number} of {count}): print at 100 %, cut along the frames", ha="center"
     )
+    return figure
+
+
+def _draw_places(item: RobotObject, count: int):  # type: ignore[no-untyped-def]  # noqa: ANN202
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(PAGE[0] / METRES_PER_INCH, PAGE[1] / METRES_PER_INCH))
+    title = f"{item.name} (page {count} of {count}): where its markers go; not to scale"
+    figure.text(0.5, 0.96, title, ha="center")
+    draw_placement(figure, item)
     return figure
 
 
