@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from bench import twin_expert
 from hands_in_the_air import TOOK_AT, InTheAir, raised
 from recording_arms import TestBench
 from scripted_expert import TASK, Expert
+from studies import twin_expert
 from twin_setup import LockStep
 
 from taskschema.kinematics.sawyer import rethink_gripper

@@ -1,7 +1,7 @@
 """The nine objects of Table I, whose dimensions the paper does not give.
 
 These are such that both hands can act on them within the search spaces and clear of each other: an expert
-solves each on the twin, see `bench.twin_expert`.
+solves each on the twin, see `studies.twin_expert`.
 
 Measure yours, and change its entry: the gate sweeps what the hands hold by these sizes, and the reward
 computes poses from where the markers sit.

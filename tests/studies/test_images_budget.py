@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bench.images_budget import Needs, from_table
+from studies.images_budget import Needs, from_table
 
 from taskschema.randomness import EpisodeKey, Purpose, generator
 from taskschema.tasks.registry import get_task

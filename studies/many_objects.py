@@ -1,4 +1,4 @@
-"""One schema, many objects: `python -m bench.many_objects SCHEMA.json` trains each with it and from scratch.
+"""One schema, many objects: `python -m studies.many_objects SCHEMA.json`, each with it and from scratch.
 
 SCHEMA.json is the bar's: `taskschema schema RUN --export SCHEMA.json`. Ctrl-C stops it, and the same command
 goes on; what is finished stays finished. The table and what came out of every training go to
@@ -144,7 +144,7 @@ def page(rows: list[Row]) -> str:
     lines = [
         "# Many objects, one schema: episodes to 90 %",
         "",
-        "    python -m bench.many_objects SCHEMA.json",
+        "    python -m studies.many_objects SCHEMA.json",
         "",
         f"On {machine()}, from states.",
         "`transferred`: with the schema of lateral lifting's bar, learned from states and frozen",

@@ -1,7 +1,7 @@
 """How settings change what a task takes to learn: seeds x settings, as a table.
 
-    python -m bench.sweep toy --processes 2 --write results/toy/sweep.md
-    python -m bench.sweep lateral-lifting --seeds 3 --rounds 150 --processes 2 \
+    python -m studies.sweep toy --processes 2 --write results/toy/sweep.md
+    python -m studies.sweep lateral-lifting --seeds 3 --rounds 150 --processes 2 \
         --write results/lateral-lifting/sweep.md
 
 A run ends when 90 % of the last 100 episodes succeed, or after `--rounds` rounds of 200 episodes. The
@@ -22,7 +22,7 @@ from statistics import median
 import numpy as np
 import torch
 
-from bench.toy_trap import TrapToy
+from studies.toy_trap import TrapToy
 from taskschema.config import RunConfig, override
 from taskschema.policies import Policy
 from taskschema.schema import SchemaView
@@ -190,7 +190,7 @@ def main() -> None:
         lines = [*head, *pool.map(row, items)]
     if arguments.write is not None:
         arguments.write.parent.mkdir(parents=True, exist_ok=True)
-        command = f"python -m bench.sweep {arguments.task} --seeds {arguments.seeds}"
+        command = f"python -m studies.sweep {arguments.task} --seeds {arguments.seeds}"
         heading = HEADING.format(
             task=arguments.task, command=f"{command} --rounds {arguments.rounds}", machine=machine()
         )

@@ -1,7 +1,7 @@
-"""How much faster than real time a twin trains: `python -m bench.twin_pace heavy-bar --episodes 20`.
+"""How much faster than real time a twin trains: `python -m studies.twin_pace heavy-bar --episodes 20`.
 
-Runs episodes of the initial policy over real sockets, as `bench.robot_twin` does, without a learner. The pace
-by processor time is what the pace is on a machine that has nothing else to do.
+Runs episodes of the initial policy over real sockets, as `studies.robot_twin` does, without a learner. The
+pace by processor time is what the pace is on a machine that has nothing else to do.
 """
 
 import argparse

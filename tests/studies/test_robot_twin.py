@@ -6,8 +6,8 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from bench import robot_twin
 from bus_setup import some_metrics
+from studies import robot_twin
 
 from taskschema.config import RunConfig
 from taskschema_learner.runs.run_folder import RunFolder

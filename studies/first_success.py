@@ -1,4 +1,4 @@
-"""How rare a success is among random arguments: `python -m bench.first_success TASK|SCHEMA.json...`.
+"""How rare a success is among random arguments: `python -m studies.first_success TASK|SCHEMA.json...`.
 
 Under the paper's schema of a task, or one that was exported, with the arguments that policies on states and
 on images choose from: uniform over the search spaces, as an audit draws them, and spread as a policy that has

@@ -1,6 +1,6 @@
 """The table of many objects says what the trainings came to, and nothing about what is not known."""
 
-from bench.many_objects import FROM_SCRATCH, TRANSFERRED, Row, page, read_rows, write
+from studies.many_objects import FROM_SCRATCH, TRANSFERRED, Row, page, read_rows, write
 
 
 def row(thing, way, seed, episodes, solved=True):

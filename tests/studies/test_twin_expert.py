@@ -1,7 +1,7 @@
 """Every object of the catalogue can be handled on the twin, gate and watchdogs included."""
 
 import pytest
-from bench.twin_expert import rehearse
+from studies.twin_expert import rehearse
 
 from taskschema_robot.objects.catalogue import OBJECTS
 

@@ -1,4 +1,4 @@
-"""What `--safety-gate` lets through, and what it costs: `python -m bench.gated_simulation lateral-lifting`.
+"""What `--safety-gate` lets through, and what it costs: `python -m studies.gated_simulation lateral-lifting`.
 
 Simulates the same episodes of the initial policy under the paper's schema, or of a run's newest policy, as
 usual and as the robot's agent runs them. Times are of the processor, of one thread.

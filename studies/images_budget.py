@@ -1,4 +1,4 @@
-"""How many episodes a family needs from images: `python -m bench.images_budget [TASK ...] [--write]`.
+"""How many episodes a family needs from images: `python -m studies.images_budget [TASK ...] [--write]`.
 
 From images an arm's locations are places on the table, and a pose's height is the skill's own. Which of the
 audit's good schemas hold there too is tried with the scripted expert's arguments, brought into that search
@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.first_success import RandomArguments, anchors_of
+from studies.first_success import RandomArguments, anchors_of
 from taskschema.arrays import FloatArray
 from taskschema.randomness import EpisodeKey, Purpose, generator
 from taskschema.tasks.registry import get_task
@@ -36,7 +36,7 @@ MARGIN = 1.5
 """Times the episodes that are to be expected."""
 HEAD = """# How many episodes each family needs from images
 
-`python -m bench.images_budget --trials {trials} --episodes {episodes} --write` on {machine}.
+`python -m studies.images_budget --trials {trials} --episodes {episodes} --write` on {machine}.
 
 *Hold*: good schemas of the audit that solve 95 % of {trials} instances with the expert's arguments brought to
 places on the table, too. *p*: successes with uniformly random arguments over those that hold, {episodes}

@@ -1,4 +1,4 @@
-"""Whether the safety gate refuses what works: `python -m bench.gate_strictness lateral-lifting`.
+"""Whether the safety gate refuses what works: `python -m studies.gate_strictness lateral-lifting`.
 
 Simulates episodes of the initial policy, or a run's, without a gate, and puts the plans of those that succeed
 through the gate's checks before a motion, from the very states that they began in. A plan that is refused

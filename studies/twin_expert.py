@@ -1,4 +1,4 @@
-"""Can the nine objects be handled on the twin at all? `python -m bench.twin_expert [OBJECT ...]`.
+"""Can the nine objects be handled on the twin at all? `python -m studies.twin_expert [OBJECT ...]`.
 
 A scripted expert makes the paper's schema through the safety gate, with the parts that `taskschema-robot run`
 is made of: rosbridge over real sockets, in lock-step. `--write` replaces `results/robot-twin/expert.md`.
@@ -153,7 +153,7 @@ def _document(tallies: dict[str, Tally], episodes: int) -> str:
     lines = [
         "# The nine objects in an expert's hands",
         "",
-        f"`python -m bench.twin_expert --episodes {episodes} --write` on {machine()}.",
+        f"`python -m studies.twin_expert --episodes {episodes} --write` on {machine()}.",
         "A scripted expert makes the paper's schema with each object of the catalogue on the twin, through",
         "the safety gate, over rosbridge in lock-step: what it solves, a policy can learn. `dropped`",
         "episodes were ended by a fault and do not count; `refused` are steps.",

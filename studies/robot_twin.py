@@ -1,4 +1,4 @@
-"""Train on the twin as on robots and write the table: `python -m bench.robot_twin lateral-lifting heavy-bar`.
+"""Train on the twin as on robots, for a table: `python -m studies.robot_twin lateral-lifting heavy-bar`.
 
 Starts `taskschema train --agent robot` and `taskschema-robot run --twin own`, over real sockets and a real
 Redis, until 90 % success, `--rounds` or Ctrl-C. Resumable: the same command goes on with what was done, and
@@ -132,7 +132,7 @@ COLUMNS = (
 INTRODUCTION = """\
 # Training on the twin, as on robots
 
-`python -m bench.robot_twin TASK OBJECT` on {machine}. One agent drives two simulated
+`python -m studies.robot_twin TASK OBJECT` on {machine}. One agent drives two simulated
 Sawyers over rosbridge in lock-step, in rounds of 167 episodes. `update` is the learning rate, and
 minibatches x epochs of the update after each; the paper's for robots is 0.005, 10 x 10 (section IV-D). The
 policy sees states, by the twin's own word.
