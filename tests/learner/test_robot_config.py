@@ -22,8 +22,11 @@ def test_the_papers_settings():
 
 
 def test_the_option_chooses_them():
-    assert _new_config("opening", None, "robot") == robot_config(default_config("opening"))
-    assert _new_config("opening", None, "simulation") == default_config("opening")
+    robot, simulation = (
+        _new_config("opening", None, agent, runs_here=True) for agent in ("robot", "simulation")
+    )
+    assert robot == robot_config(default_config("opening"))
+    assert simulation == default_config("opening")
 
 
 def test_another_kind_of_agent_is_refused():
