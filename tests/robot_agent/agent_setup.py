@@ -108,10 +108,9 @@ class AgentBench:
 
     def serve(self, results: int, seconds: float = 60.0) -> None:
         """Run the agent in this thread until `results` slots are delivered in all."""
-        stop = threading.Event()
+        stop, records = threading.Event(), connect(self.run.url)  # before a test may kill that Redis
 
         def watch() -> None:
-            records = connect(self.run.url)
             deadline = seconds
             while deadline > 0 and _delivered(records, self.run) < results:
                 if stop.wait(0.05):
