@@ -118,7 +118,10 @@ def wait_for_rounds(client: httpx.Client, process: subprocess.Popen[bytes], log:
 
 
 def ask(client: httpx.Client, query: str) -> list[dict[str, Any]]:
-    answer = client.get("/query", params={"query": query}).json()
+    response = client.get("/query", params={"query": query})
+    if response.status_code == 503:  # in words, while it starts
+        raise LookupError(response.text)
+    answer = response.json()
     assert answer["status"] == "success", (query, answer)
     result: list[dict[str, Any]] = answer["data"]["result"]
     return result
