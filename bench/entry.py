@@ -2,17 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from statistics import median
 
+from taskschema_learner.machine import today
+
 RESULTS = Path(__file__).with_name("results.json")
 """Every bench's entries."""
-
-
-def today() -> str:
-    """Return the day in UTC, such as 2026-01-31."""
-    return datetime.now(UTC).date().isoformat()
 
 
 @dataclass(frozen=True)

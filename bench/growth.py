@@ -6,8 +6,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from bench.entry import today
-from taskschema_learner.machine import machine
+from taskschema_learner.machine import machine, today
 
 FILE = Path(__file__).with_name("growth.json")
 EPISODES_PER_SLOT = 4

@@ -11,10 +11,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from bench.entry import today
 from bench.images import PAGE, publish
 from taskschema.metrics import RoundMetrics
-from taskschema_learner.machine import machine
+from taskschema_learner.machine import machine, today
 from taskschema_learner.runs.run_folder import RunFolder
 
 BEGIN = "<!-- measured: written by python -m bench.image_training -->"

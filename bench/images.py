@@ -19,7 +19,6 @@ import numpy as np
 import torch
 from threadpoolctl import threadpool_limits
 
-from bench.entry import today
 from bench.report import with_section
 from taskschema.bus.admission import SlotResult
 from taskschema.bus.connection import connect
@@ -33,7 +32,7 @@ from taskschema.tasks.lateral_lifting import LateralLifting
 from taskschema.trajectory import encode_slot
 from taskschema_learner.embedded_redis import EmbeddedRedis
 from taskschema_learner.learner import Learner
-from taskschema_learner.machine import machine
+from taskschema_learner.machine import machine, today
 from taskschema_learner.networks.initial_weights import initial_spatial_weights
 from taskschema_learner.networks.spatial_network import SpatialNetwork
 from taskschema_worker.seen_scene_environment import SeenSceneEnvironment

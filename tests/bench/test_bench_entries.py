@@ -4,7 +4,9 @@ import json
 
 import pytest
 from bench.__main__ import BENCHES, chosen, replaced
-from bench.entry import RESULTS, Entry, figure, table, today
+from bench.entry import RESULTS, Entry, figure, table
+
+from taskschema_learner.machine import today
 
 
 def test_an_entry_holds_the_median_and_the_spread():

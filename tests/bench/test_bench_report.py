@@ -6,9 +6,11 @@ import re
 import msgspec
 import pytest
 from bench import growth, scaling
-from bench.entry import RESULTS, Entry, today
+from bench.entry import RESULTS, Entry
 from bench.report import BEGIN, DOCUMENT, END, PICTURE, draw, section, with_section
 from bus_setup import some_metrics
+
+from taskschema_learner.machine import today
 
 PARTS = growth.Parts(
     rollout_seconds={1: 0.1, 50: 2.6},

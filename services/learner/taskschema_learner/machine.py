@@ -1,7 +1,8 @@
-"""Which machine a figure was measured on."""
+"""Which machine a figure was measured on, and on which day."""
 
 import os
 import platform
+from datetime import UTC, datetime
 from pathlib import Path
 
 
@@ -13,3 +14,8 @@ def machine() -> str:
             kind = line.split(":", 1)[1].strip()
             break
     return f"{os.cpu_count()} cores, {kind}, Python {platform.python_version()}"
+
+
+def today() -> str:
+    """Return the day in UTC, such as 2026-01-31."""
+    return datetime.now(UTC).date().isoformat()

@@ -2,7 +2,6 @@
 
 import subprocess
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 
 import msgspec
@@ -94,11 +93,6 @@ def thinned_curve(rows: Sequence[RoundMetrics]) -> list[tuple[int, float]]:
         return []
     chosen = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), CURVE_ROWS)).round().astype(int))
     return [(rows[index].episodes, rows[index].success_last_100) for index in chosen]
-
-
-def today() -> str:
-    """Return the day in UTC, such as 2026-01-31."""
-    return datetime.now(UTC).date().isoformat()
 
 
 def source_commit() -> str:

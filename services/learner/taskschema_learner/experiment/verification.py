@@ -8,10 +8,11 @@ from taskschema.errors import ExperimentError
 from taskschema_learner.experiment.cell import CellResult, Verification
 from taskschema_learner.experiment.cell_training import CellTraining
 from taskschema_learner.experiment.experiment import publish
-from taskschema_learner.experiment.measurement import source_commit, today
+from taskschema_learner.experiment.measurement import source_commit
 from taskschema_learner.experiment.plan import Plan
 from taskschema_learner.experiment.recipe import Recipe
 from taskschema_learner.experiment.results_folder import ResultsFolder
+from taskschema_learner.machine import today
 from taskschema_learner.runs.run_folder import RunFolder
 
 
